@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 import casadi as ca
 import numpy as np
+from overconstrained import chain
 from scipy.integrate import solve_ivp
 
 import symmb as mb
@@ -37,37 +38,27 @@ def scene(times=np.linspace(0, 10, 101), share: float = 0.01) -> mb.Scene:  # no
 
     hinges = [mb.Revolute(f"hinge{i}", corner(i, (i - 1) % 6), corner(i, i), axis=tuple(AXES[i])) for i in range(6)]
     P3, P2 = corner(3, 2), corner(2, 1)
-    return mb.Scene(
-        mb.System(*bars, *hinges, mb.Gravity(0, -9.81, 0), parameters=p),
-        times=times,
-        outputs={"x2": P2.x, "y2": P2.y, "z2": P2.z, "x3": P3.x, "y3": P3.y, "z3": P3.z},
-        guess={f"bar{k}.{name}": float(value) for k in range(5) for name, value in zip("xyz", middles[k], strict=True)},
-        box=mb.Box.around(p, share),
-        name="Bricard",
-    )
+    outputs = {f"{x}{k}": getattr(P, x) for k, P in ((2, P2), (3, P3)) for x in "xyz"}
+    guess = {f"bar{k}.{x}": float(value) for k in range(5) for x, value in zip("xyz", middles[k], strict=True)}
+    system = mb.System(*bars, *hinges, mb.Gravity(0, -9.81, 0), parameters=p)
+    return mb.Scene(system, {}, times, outputs, mb.Box.around(p, share), guess=guess, name="Bricard")
 
 
 def reference(times: np.ndarray, m: Sequence[float] = (1.0,) * 5) -> np.ndarray:
     """The outputs (n_t, 6) for bars of masses m, to 1e-10."""
     angles, rates = ca.SX.sym("angles", 5), ca.SX.sym("rates", 5)
-    R, end, kinetic, potential, ends = ca.SX.eye(3), ca.SX(ca.DM(CORNERS[0])), 0, 0, []
-    omega = ca.SX.zeros(3)
-    for k in range(5):
-        axis = ca.DM(AXES[k])
-        omega = omega + R @ axis * rates[k]
-        c, s = ca.cos(angles[k]), ca.sin(angles[k])
-        R = R @ (c * ca.SX.eye(3) + s * ca.skew(axis) + (1 - c) * (axis @ axis.T))
-        bar = ca.DM(CORNERS[k + 1] - CORNERS[k])
-        middle, end = end + R @ bar / 2, end + R @ bar
+    bars, end = chain(CORNERS, AXES, angles, rates, (CORNERS[:-1] + CORNERS[1:]) / 2)
+    kinetic, potential = 0, 0
+    for k, (R, omega, middle) in enumerate(bars):
         v, own = ca.jtimes(middle, angles, rates), R.T @ omega
         kinetic += 0.5 * m[k] * (ca.dot(v, v) + ca.dot(own, ca.DM(principal(k)) * own))
         potential += m[k] * 9.81 * middle[1]
-        ends.append(end)
     closure = ca.vertcat(end - ca.DM(CORNERS[5]), ca.cross(R @ ca.DM(AXES[5]), ca.DM(AXES[5])))
     J = ca.jacobian(closure, angles)
     M = ca.hessian(kinetic, rates)[0]
     bias = ca.jtimes(ca.gradient(kinetic, rates), angles, rates) - ca.gradient(kinetic - potential, angles)
     f = ca.Function("f", [angles, rates], [M, bias, J, ca.jtimes(J @ rates, angles, rates)], {"cse": True})
+    ends = [place + R @ ca.DM(CORNERS[k + 1] - CORNERS[k]) / 2 for k, (R, _, place) in enumerate(bars)]
     points = ca.Function("points", [angles], [ca.vertcat(ends[1], ends[2])])
 
     def slope(_: float, x: np.ndarray) -> np.ndarray:

@@ -22,16 +22,11 @@ def ziegler(rng: np.random.Generator, damping: float) -> tuple[mb.Scene, Callabl
     first = mb.Body("a", mass=float(m1), inertia=0.01, pose=mb.Planar())
     last = mb.Body("b", mass=p.m, inertia=0.02, pose=mb.Planar())
     pull = k2 * (last.theta - first.theta) + c2 * (last.omega - first.omega)
-    system = mb.System(
-        first,
-        last,
-        mb.Revolute("lower", mb.Ground().point(0, 0), first.point(0, -l1)),
-        mb.Revolute("upper", first.point(0, 0), last.point(0, -l2)),
-        mb.Torque("ta", first, -p.k * first.theta - c1 * first.omega + pull),
-        mb.Torque("tb", last, -pull),
-        mb.Force("follower", last.point(0, 0), (p.F * ca.sin(last.theta), -p.F * ca.cos(last.theta))),
-        parameters=p,
-    )
+    lower = mb.Revolute("lower", mb.Ground().point(0, 0), first.point(0, -l1))
+    upper = mb.Revolute("upper", first.point(0, 0), last.point(0, -l2))
+    on_first = mb.Torque("ta", first, -p.k * first.theta - c1 * first.omega + pull)
+    follower = mb.Force("follower", last.point(0, 0), (p.F * ca.sin(last.theta), -p.F * ca.cos(last.theta)))
+    system = mb.System(first, last, lower, upper, on_first, mb.Torque("tb", last, -pull), follower, parameters=p)
     scene = mb.Scene(system, start={"a.y": float(l1), "b.y": float(l1 + l2)})
 
     def critical(k: float, m: float = float(m2)) -> float:

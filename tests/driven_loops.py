@@ -86,10 +86,21 @@ def jack(rng: np.random.Generator) -> DrivenLoop:
     rise = foot[2] - lead * drive.angle / (2 * np.pi)
     known = np.column_stack([rise, drive.angle, np.full_like(rise, foot[0])])
 
-    def scene(coordinates: str | None) -> mb.Scene:
-        return mb.Scene(system, {}, drive.times, outputs, coordinates=coordinates, name="jack")
+    return _loop("jack with a trunnion" if has_trunnion else "jack", drive, system, outputs, known)
 
-    return DrivenLoop("jack with a trunnion" if has_trunnion else "jack", scene, known)
+
+def _loop(kind: str, drive: _Drive, system: mb.System, outputs: dict, known: Vector, **options) -> DrivenLoop:
+    def scene(coordinates: str | None) -> mb.Scene:
+        return mb.Scene(system, {}, drive.times, outputs, coordinates=coordinates, name=kind, **options)
+
+    return DrivenLoop(kind, scene, known)
+
+
+def closed(A: Vector, D: Vector, b: float, c: float) -> Vector:
+    """Places (..., 2) at distances b from A and c from D, by the law of cosines."""
+    r = np.linalg.norm(D - A, axis=-1, keepdims=True)
+    e, f = (D - A) / r, (b * b - c * c + r * r) / (2 * r)
+    return A + f * e + np.sqrt(b * b - f * f) * np.stack([-e[..., 1], e[..., 0]], axis=-1)
 
 
 def four_bar(rng: np.random.Generator) -> DrivenLoop:
@@ -98,9 +109,7 @@ def four_bar(rng: np.random.Generator) -> DrivenLoop:
     a, b, c, d = *rng.uniform((0.2, 0.9, 0.8), (0.35, 1.1, 0.9)), 1.0
     A = a * np.column_stack([np.cos(drive.angle), np.sin(drive.angle)])
     D = np.array([d, 0.0])
-    r = np.linalg.norm(D - A, axis=1, keepdims=True)
-    e, f = (D - A) / r, (b * b - c * c + r * r) / (2 * r)
-    B = A + f * e + np.sqrt(b * b - f * f) * np.column_stack([-e[:, 1], e[:, 0]])
+    B = closed(A, D, b, c)
     z = drive.at(0, 0, 1)
     bodies, guess = {}, {}
     for name, (P, Q) in {"crank": (0 * D, A[0]), "coupler": (A[0], B[0]), "rocker": (D, B[0])}.items():
@@ -113,21 +122,15 @@ def four_bar(rng: np.random.Generator) -> DrivenLoop:
         return bodies[name].point(*drive.at(length, 0, 0))
 
     foot = mb.Revolute("A", ground.point(0, 0, 0), end("crank", 0), axis=z)
-    joints = [
-        foot,
-        mb.Revolute("B", *_either(rng, end("crank", a), end("coupler", 0)), axis=z),
-        mb.Revolute("C", *_either(rng, end("coupler", b), end("rocker", c)), axis=z),
-        mb.Revolute("D", *_either(rng, ground.point(*drive.at(d, 0, 0)), end("rocker", 0)), axis=z),
-    ]
+    pairs = {"B": (end("crank", a), end("coupler", 0)), "C": (end("coupler", b), end("rocker", c))}
+    pairs["D"] = ground.point(*drive.at(d, 0, 0)), end("rocker", 0)
+    joints = [foot, *(mb.Revolute(name, *_either(rng, *pair), axis=z) for name, pair in pairs.items())]
     system = _system(rng, list(bodies.values()), joints, mb.Motion("motor", foot.angle, drive.law))
     tip = end("rocker", c)
     outputs = {"x": drive.along(tip, 1, 0, 0), "y": drive.along(tip, 0, 1, 0), "angle": foot.angle}
     known = np.column_stack([B, drive.angle])
 
-    def scene(coordinates: str | None) -> mb.Scene:
-        return mb.Scene(system, {}, drive.times, outputs, coordinates=coordinates, guess=guess, name="four-bar")
-
-    return DrivenLoop("four-bar", scene, known)
+    return _loop("four-bar", drive, system, outputs, known, guess=guess)
 
 
 def cardan_shaft(rng: np.random.Generator) -> DrivenLoop:
@@ -149,7 +152,4 @@ def cardan_shaft(rng: np.random.Generator) -> DrivenLoop:
     outputs = {"in": hinge.angle, "out": out.angle, "x": drive.along(last.point(*across), 1, 0, 0)}
     known = np.column_stack([begin, begin, np.cos(begin)])
 
-    def scene(coordinates: str | None) -> mb.Scene:
-        return mb.Scene(system, {}, drive.times, outputs, coordinates=coordinates, name="cardan shaft")
-
-    return DrivenLoop("cardan shaft", scene, known)
+    return _loop("cardan shaft", drive, system, outputs, known)

@@ -175,30 +175,14 @@ EXACT = {
     "OP_MUL": lambda a, b: a * b,
     "OP_DIV": lambda a, b: a / b,
     "OP_POW": lambda a, b: a**b,
-    "OP_ATAN2": mpmath.atan2,
-    "OP_HYPOT": mpmath.hypot,
     "OP_NEG": lambda a: -a,
     "OP_SQ": lambda a: a * a,
     "OP_TWICE": lambda a: 2 * a,
     "OP_INV": lambda a: 1 / a,
-    "OP_SQRT": mpmath.sqrt,
-    "OP_SIN": mpmath.sin,
-    "OP_COS": mpmath.cos,
-    "OP_TAN": mpmath.tan,
-    "OP_EXP": mpmath.exp,
-    "OP_LOG": mpmath.log,
-    "OP_SINH": mpmath.sinh,
-    "OP_COSH": mpmath.cosh,
-    "OP_TANH": mpmath.tanh,
-    "OP_ASIN": mpmath.asin,
-    "OP_ACOS": mpmath.acos,
-    "OP_ATAN": mpmath.atan,
-    "OP_ASINH": mpmath.asinh,
-    "OP_ACOSH": mpmath.acosh,
-    "OP_ATANH": mpmath.atanh,
-    "OP_LOG1P": mpmath.log1p,
-    "OP_EXPM1": mpmath.expm1,
-    "OP_ERF": mpmath.erf,
+} | {
+    f"OP_{name.upper()}": getattr(mpmath, name)
+    for name in "atan2 hypot sqrt sin cos tan exp log sinh cosh tanh asin acos atan asinh acosh atanh"
+    " log1p expm1 erf".split()
 }
 """Functions of mpmath by the names of CasADi's operations."""
 
@@ -209,9 +193,8 @@ def exact(problem, p):
         p = [mpmath.mpf(float(value)) for value in p]
         u = [mpmath.mpf(float(value)) for value in problem.start.solve(np.array([p], dtype=float))[0]]
         if u:
-            u = list(
-                mpmath.findroot(lambda *u: _in_mpmath(problem.start.residual, u, p, 0), u, tol=10.0 ** (4 - DIGITS))
-            )
+            residual = lambda *u: _in_mpmath(problem.start.residual, u, p, 0)  # noqa: E731
+            u = list(mpmath.findroot(residual, u, tol=10.0 ** (4 - DIGITS)))
         x = _in_mpmath(problem.start.states, u, p, 0)
         motion = mpmath.odefun(lambda t, x: _in_mpmath(problem.rates, x, p, t), 0, x) if x else lambda t: x
         times = [mpmath.mpf(float(t)) for t in problem.times]

@@ -26,3 +26,24 @@ def warned(match, call, /, *arguments, **options):
     """What a call returns that warns: the text of a warning matches."""
     with pytest.warns(mb.SymmbWarning, match=match):
         return call(*arguments, **options)
+
+
+def printed(capsys, *arguments):
+    """What a command prints that succeeds."""
+    from symmb.show.cli.main import main
+
+    assert main(arguments) == 0
+    return capsys.readouterr().out
+
+
+def refused_command(capsys, *arguments):
+    """What a command tells that is refused: its status is 2, and it prints neither a result nor a traceback."""
+    from symmb.show.cli.main import main
+
+    try:
+        status = main(arguments)
+    except SystemExit as stop:  # argparse leaves on its own
+        status = stop.code
+    told = capsys.readouterr()
+    assert status == 2 and not told.out and "Traceback" not in told.err
+    return told.err

@@ -165,66 +165,37 @@ def motion(name, random):
     p = mb.Parameters(k=1.0, c=1.0)
     ball = mb.Body("ball", 1.0, pose=mb.Particle())
     x, y, vx, vy = ball.x, ball.y, ball.vx, ball.vy
-    curves = [
-        (x, lambda t, y, k, c: y[0]),
-        (y, lambda t, y, k, c: y[1]),
-        (vy, lambda t, y, k, c: y[3]),
-        (x * x + y * y, lambda t, y, k, c: y[0] ** 2 + y[1] ** 2),
-    ]
-    extra, gap, bounce = [], None, None
-    if name == "oscillator":
-        start = np.array([a, 0.2, 0.0, 1.0])
-        force = (-10 * p.k * x - 4 * x**3 - d * vx + 3 * ca.sin(w * mb.t), -12 * p.c * y + 2 * x * y)
+    curves = [(symbol, lambda t, y, k, c, i=i: y[i]) for symbol, i in ((x, 0), (y, 1), (vy, 3))]
+    curves.append((x * x + y * y, lambda t, y, k, c: y[0] ** 2 + y[1] ** 2))
 
-        def rates(t, s, k, c):
-            return [
-                s[2],
-                s[3],
-                -10 * k * s[0] - 4 * s[0] ** 3 - d * s[2] + 3 * np.sin(w * t),
-                -12 * c * s[1] + 2 * s[0] * s[1],
-            ]
-    elif name == "throw":
-        start = np.array([0.0, a, 3.0, 4.0])
-        speed = ca.sqrt(vx**2 + vy**2 + 1e-6)
-        force = (-d * p.k * speed * vx, -9.81 * p.c - d * p.k * speed * vy)
+    def push(y):
+        """That of a floor."""
+        return ca.if_else(y < 0, -400.0 * y, 0) if isinstance(y, ca.SX) else np.where(y < 0, -400.0 * y, 0.0)
 
-        def rates(t, s, k, c):
-            v = np.sqrt(s[2] ** 2 + s[3] ** 2 + 1e-6)
-            return [s[2], s[3], -d * k * v * s[2], -9.81 * c - d * k * v * s[3]]
-    elif name == "bounce":
-        start = np.array([0.0, a, 1.0, 0.0])
-        force = (-d * vx, -9.81 * p.c - 0.3 * d * vy)
-        extra = [mb.Impact("floor", y, 0.9 * p.k)]
+    def law(t, x, y, vx, vy, k, c):
+        """The acceleration, in symbols and in numbers."""
+        if name == "oscillator":
+            return -10 * k * x - 4 * x**3 - d * vx + 3 * np.sin(w * t), -12 * c * y + 2 * x * y
+        if name == "throw":
+            speed = np.sqrt(vx**2 + vy**2 + 1e-6)
+            return -d * k * speed * vx, -9.81 * c - d * k * speed * vy
+        return -d * vx, -9.81 * c + (-0.3 * d * vy if name == "bounce" else k * push(y) - d * vy)
 
-        def rates(t, s, k, c):
-            return [s[2], s[3], -d * s[2], -9.81 * c - 0.3 * d * s[3]]
-
-        def gap(s):
-            return s[1]
-
-        def bounce(s, k, c):
-            return np.array([s[0], 0.0, s[2], -0.9 * k * s[3]])
-    else:
-        start = np.array([0.0, a, 1.0, 0.0])
-        stiffness = 400.0
-        push = ca.if_else(y < 0, -stiffness * y, 0)
-        force = (-d * vx, -9.81 * p.c + p.k * push - d * vy)
-        curves.append((p.k * push, lambda t, y, k, c: np.where(y[1] < 0, -k * stiffness * y[1], 0.0)))
-
-        def rates(t, s, k, c):
-            return [s[2], s[3], -d * s[2], -9.81 * c + (-k * stiffness * s[1] if s[1] < 0 else 0.0) - d * s[3]]
-
-        def gap(s):
-            return s[1]
-
-    system = mb.System(ball, mb.Force("force", ball.point(0, 0), force), *extra, parameters=p)
+    start = np.array({"oscillator": [a, 0.2, 0.0, 1.0], "throw": [0.0, a, 3.0, 4.0]}.get(name, [0.0, a, 1.0, 0.0]))
+    extra, bounce, gap = [], None, (lambda s: s[1]) if name in ("bounce", "floor") else None
+    if name == "bounce":
+        extra, bounce = [mb.Impact("floor", y, 0.9 * p.k)], lambda s, k, c: np.array([s[0], 0.0, s[2], -0.9 * k * s[3]])
+    if name == "floor":
+        curves.append((p.k * push(y), lambda t, y, k, c: k * push(y[1])))
+    force = mb.Force("force", ball.point(0, 0), law(mb.t, x, y, vx, vy, p.k, p.c))
+    system = mb.System(ball, force, *extra, parameters=p)
     keys = ("ball.x", "ball.y", "ball.vx", "ball.vy")
 
     def scene(figures):
         box = mb.Box(k=(0.95, 1.05), c=(0.95, 1.05))
         return mb.Scene(system, dict(zip(keys, start.tolist(), strict=True)), [0.0, SPAN], figures, box)
 
-    return Motion(name, scene, rates, start, tuple(curves), gap, bounce)
+    return Motion(name, scene, lambda t, s, k, c: [s[2], s[3], *law(t, *s, k, c)], start, tuple(curves), gap, bounce)
 
 
 MOTIONS = "oscillator", "throw", "bounce", "floor"

@@ -94,17 +94,14 @@ class Builder:
 
     def _modes(self, mesh: mb.FiniteElements, used: list[int], n: int) -> tuple[str, mb.Modes]:
         rng, kind = self.rng, int(self.rng.integers(6))
-        if kind == 0:
-            count = int(rng.integers(3, 3 * n - 2))
-            return f"{count} free", mesh.modes(count=count, planar=True)
+        if kind in (0, 2):
+            count, ends = int(rng.integers(3, 3 * n - 2)), [0, n] if kind else []
+            return f"{'interfaces at ends, ' if kind else 'free, '}{count}", mesh.modes(ends, count=count, planar=True)
         if kind == 1:
             return "interfaces at ends", mesh.modes([0, n], planar=True)
-        if kind == 2:
-            count = int(rng.integers(3, 3 * n - 2))
-            return f"interfaces at ends, {count}", mesh.modes([0, n], count=count, planar=True)
         if kind == 3:
-            count = min(3 * len(used) - 3 + int(rng.integers(0, 4)), 3 * n)
-            return f"interfaces where used, {count}", mesh.modes(used, count=max(count, 3), planar=True)
+            count = max(min(3 * len(used) - 3 + int(rng.integers(0, 4)), 3 * n), 3)
+            return f"interfaces where used, {count}", mesh.modes(used, count=count, planar=True)
         if kind == 4:
             count = int(rng.integers(1, 3 * n))
             return f"{count} clamped", mesh.modes(clamped=0, count=count, planar=True)
@@ -114,15 +111,17 @@ class Builder:
 
     def hold(self, beam: "Beam", node: int, joint: type) -> None:
         """A joint of a node with the ground."""
-        self.elements.append(joint(f"joint{len(self.elements)}", GROUND.point(*beam.place(node)), beam.point(node)))
-        for k in range(3 if joint is mb.Weld else 2):
-            self.structure.rows.append({beam.first + 3 * node + k: 1.0})
+        self._joint(joint, GROUND.point(*beam.place(node)), beam.point(node), {beam.first + 3 * node: 1.0})
 
     def join(self, one: "Beam", i: int, other: "Beam", j: int, joint: type) -> None:
         """A joint between nodes of two beams."""
-        self.elements.append(joint(f"joint{len(self.elements)}", one.point(i), other.point(j)))
+        row = {one.first + 3 * i: 1.0, other.first + 3 * j: -1.0}
+        self._joint(joint, one.point(i), other.point(j), row)
+
+    def _joint(self, joint: type, a: Point, b: Point, row: dict[int, float]) -> None:
+        self.elements.append(joint(f"joint{len(self.elements)}", a, b))
         for k in range(3 if joint is mb.Weld else 2):
-            self.structure.rows.append({one.first + 3 * i + k: 1.0, other.first + 3 * j + k: -1.0})
+            self.structure.rows.append({first + k: value for first, value in row.items()})
 
     def strut(self, beam: "Beam", node: int, foot: np.ndarray) -> None:
         """A rigid rod from the ground to a node."""
@@ -207,11 +206,6 @@ def random_assembly(seed: int) -> Assembly:
 
 def elastica(load: float) -> np.ndarray:
     """Tip (x, y) over the length of a cantilever under P L^2 / EI at its end."""
-    solved = solve_bvp(
-        lambda s, y: [y[1], load * np.cos(y[0]), np.cos(y[0]), np.sin(y[0])],
-        lambda a, b: [a[0], b[1], a[2], a[3]],
-        np.linspace(0, 1, 101),
-        np.zeros((4, 101)),
-        tol=1e-8,
-    )
-    return solved.y[2:, -1]
+    rates = lambda s, y: [y[1], load * np.cos(y[0]), np.cos(y[0]), np.sin(y[0])]  # noqa: E731
+    ends = lambda a, b: [a[0], b[1], a[2], a[3]]  # noqa: E731
+    return solve_bvp(rates, ends, np.linspace(0, 1, 101), np.zeros((4, 101)), tol=1e-8).y[2:, -1]

@@ -210,35 +210,32 @@ WHOLE = "passes", "mode"
 
 def description(version, token="a token", extra="", co_simulation="", experiment=""):
     """The model description of the spring. `extra` are more variables."""
-    index = {name: k for k, (name, *_) in enumerate(VARIABLES)}
-    if version == 2:
-        index = {name: k + 1 for name, k in index.items()}
-    rows = []
+    index = {name: k + (version == 2) for k, (name, *_) in enumerate(VARIABLES)}
+    kinds, rows = ("Real", "Integer") if version == 2 else ("Float64", "Int32"), []
     for k, (name, causality, variability, rest) in enumerate(VARIABLES):
         rest = rest.format(**{name: index[name] for name in ("x", "v")})
         if name == "v":
             rest = rest.partition("derivative")[0]  # der(x) says so
-        kind = ("Integer" if version == 2 else "Int32") if name in WHOLE else "Real" if version == 2 else "Float64"
+        kind = kinds[name in WHOLE]
         head = f'name="{name}" valueReference="{k}" causality="{causality}" variability="{variability}"'
         if version == 2:
-            initial = 'initial="exact"' if 'initial="exact"' in rest else ""
-            rest = rest.replace('initial="exact"', "")
-            rows.append(f"<ScalarVariable {head} {initial}><{kind} {rest}/></ScalarVariable>")
-        else:
-            rows.append(f"<{kind} {head} {rest}/>")
+            head, rest = head + ' initial="exact"' * ("initial" in rest), rest.replace('initial="exact"', "")
+        row = f"<{kind} {rest}/>" if version == 2 else f"<{kind} {head} {rest}/>"
+        rows.append(f"<ScalarVariable {head}>{row}</ScalarVariable>" if version == 2 else row)
     units = "".join(f'<Unit name="{unit}"/>' for unit in ("N/m", "m", "m/s", "N.s/m"))
+    each = lambda tag, *names: "".join(tag.format(index[name]) for name in names)  # noqa: E731
     if version == 2:
         head = f'fmiVersion="2.0" guid="{token}" numberOfEventIndicators="1"'
         types = '<SimpleType name="Damping"><Real unit="N.s/m"/></SimpleType>'
-        derivatives = "".join(f'<Unknown index="{index[name]}"/>' for name in ("der(x)", "der(v)"))
-        outputs = "".join(f'<Unknown index="{index[name]}"/>' for name in ("x", "v", "passes"))
-        structure = f"<Outputs>{outputs}</Outputs><Derivatives>{derivatives}</Derivatives>"
+        unknown = '<Unknown index="{}"/>'
+        structure = f"<Outputs>{each(unknown, 'x', 'v', 'passes')}</Outputs>"
+        structure += f"<Derivatives>{each(unknown, 'der(x)', 'der(v)')}</Derivatives>"
     else:
         head = f'fmiVersion="3.0" instantiationToken="{token}"'
         types = '<Float64Type name="Damping" unit="N.s/m"/>'
-        structure = "".join(f'<Output valueReference="{index[name]}"/>' for name in ("x", "v", "passes"))
-        structure += "".join(f'<ContinuousStateDerivative valueReference="{index[x]}"/>' for x in ("der(x)", "der(v)"))
-        structure += f'<EventIndicator valueReference="{index["x"]}"/>'
+        structure = each('<Output valueReference="{}"/>', "x", "v", "passes")
+        structure += each('<ContinuousStateDerivative valueReference="{}"/>', "der(x)", "der(v)")
+        structure += each('<EventIndicator valueReference="{}"/>', "x")
     steps = "" if version == 2 else 'needsCompletedIntegratorStep="true"'
     co_simulation = co_simulation or 'canHandleVariableCommunicationStepSize="true"'
     return f"""<?xml version="1.0" encoding="UTF-8"?>

@@ -90,16 +90,14 @@ def random_state(dae: DAE, rng: np.random.Generator) -> tuple[np.ndarray, np.nda
 
 def coast(dae: DAE, q: np.ndarray, v: np.ndarray, time: float) -> np.ndarray:
     """Coordinates after a time in which all velocities stay as they are, angular ones in body axes."""
-    out, k = np.empty(dae.n_q), 0
-    i = 0
+    out, i, k = np.empty(dae.n_q), 0, 0
     while i < dae.n_q:
         if dae.q_names[i].endswith(".e0"):
             half = v[k : k + 3] * time / 2
             angle = np.linalg.norm(half)
             axis = np.sinc(angle / np.pi) * half
             w, u = q[i], q[i + 1 : i + 4]
-            out[i] = w * np.cos(angle) - u @ axis
-            out[i + 1 : i + 4] = w * axis + np.cos(angle) * u + np.cross(u, axis)
+            out[i : i + 4] = w * np.cos(angle) - u @ axis, *(w * axis + np.cos(angle) * u + np.cross(u, axis))
             i, k = i + 4, k + 3
         else:
             out[i] = q[i] + v[k] * time

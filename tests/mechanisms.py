@@ -16,13 +16,9 @@ def double_pendulum(times=TIMES, **more):
     p = mb.Parameters(l1=1.0, l2=0.8)
     rod1 = mb.Body("rod1", p.l1, p.l1**3 / 12, mb.Planar())
     rod2 = mb.Body("rod2", p.l2, p.l2**3 / 12, mb.Planar())
-    system = mb.System(
-        rod1, rod2,
-        mb.Revolute("shoulder", mb.Ground().point(0, 0), rod1.point(0, p.l1 / 2)),
-        mb.Revolute("elbow", rod1.point(0, -p.l1 / 2), rod2.point(0, p.l2 / 2)),
-        mb.Gravity(0, -G),
-        parameters=p,
-    )  # fmt: skip
+    shoulder = mb.Revolute("shoulder", mb.Ground().point(0, 0), rod1.point(0, p.l1 / 2))
+    elbow = mb.Revolute("elbow", rod1.point(0, -p.l1 / 2), rod2.point(0, p.l2 / 2))
+    system = mb.System(rod1, rod2, shoulder, elbow, mb.Gravity(0, -G), parameters=p)
     start = {"rod1.theta": 0.9, "rod2.theta": -0.4, "rod1.omega": 1.0, "rod2.omega": -2.0}
     outputs = {"theta1": rod1.theta, "theta2": rod2.theta, "omega1": rod1.omega, "omega2": rod2.omega}
     return mb.Scene(system, start, times, outputs, name="double pendulum", **more)
@@ -109,12 +105,9 @@ def explosion(times=None):
     """v' = a v^2 from v = 1: finite until t = 1/a."""
     p = mb.Parameters(a=1.0)
     ball = mb.Body("ball", 1.0, pose=mb.Particle())
-    push = mb.Force("push", ball.point(0, 0), (p.a * ball.vx**2, -ball.y))
-    times = np.linspace(0, 2, 21) if times is None else times
-    return mb.Scene(
-        mb.System(ball, push, parameters=p), {"ball.vx": 1.0, "ball.y": 1.0}, times, {"v": ball.vx, "y": ball.y},
-        name="explosion",
-    )  # fmt: skip
+    system = mb.System(ball, mb.Force("push", ball.point(0, 0), (p.a * ball.vx**2, -ball.y)))
+    start, times = {"ball.vx": 1.0, "ball.y": 1.0}, np.linspace(0, 2, 21) if times is None else times
+    return mb.Scene(system, start, times, {"v": ball.vx, "y": ball.y}, name="explosion")
 
 
 def four_bar(pose, shift=0.0):

@@ -35,14 +35,13 @@ class Drawing:
         return repr(float(np.degrees(value) if self.degrees else value))
 
     def turn(self):
-        kind = self.rng.integers(4)
-        if kind == 0:
-            return ""
-        if kind == 1:
-            return f' quat="{numbers(self.rng.normal(size=4))}"'
-        if kind == 2:
-            return f' axisangle="{self.vector(1)} {self.angle()}"'
-        return f' euler="{" ".join(self.angle() for _ in range(3))}"'
+        kinds = (
+            lambda: "",
+            lambda: f' quat="{numbers(self.rng.normal(size=4))}"',
+            lambda: f' axisangle="{self.vector(1)} {self.angle()}"',
+            lambda: f' euler="{" ".join(self.angle() for _ in range(3))}"',
+        )
+        return kinds[self.rng.integers(4)]()
 
     def inertia(self):
         if self.rng.random() < 0.4:
@@ -95,9 +94,12 @@ class Drawing:
             text += self.body(depth + 1)
         return text + "</body>"
 
+    def moving(self):
+        return [name for name, kind in self.joints.items() if kind in ("hinge", "slide")]
+
     def forces(self):
         """Actuators and tendons."""
-        rng, moving = self.rng, [name for name, kind in self.joints.items() if kind in ("hinge", "slide")]
+        rng, moving = self.rng, self.moving()
         if not moving:
             return ""
         one = lambda: moving[rng.integers(len(moving))]  # noqa: E731
@@ -137,13 +139,10 @@ class Drawing:
 
     def equalities(self):
         """One loop that is closed by a joint, and one joint that another one leads."""
-        rng, moving = self.rng, [name for name, kind in self.joints.items() if kind in ("hinge", "slide")]
+        rng, moving = self.rng, self.moving()
         first, second = (f"b{k}" for k in rng.permutation(len(self.bodies))[:2])
-        kind = rng.random()
-        if kind < 0.7:
-            text = f'<connect name="e0" body1="{first}" body2="{second}" anchor="{self.vector(0.2)}"/>'
-        else:
-            text = f'<weld name="e0" body1="{first}" body2="{second}"/>'
+        ends = f'name="e0" body1="{first}" body2="{second}"'
+        text = f'<connect {ends} anchor="{self.vector(0.2)}"/>' if rng.random() < 0.7 else f"<weld {ends}/>"
         if len(moving) > 3 and rng.random() < 0.6:
             text += f'<joint name="e1" joint1="{moving[0]}" joint2="{moving[1]}" polycoef="0 0.6 0.2 0 0"/>'
         return f"<equality>{text}</equality>"
@@ -172,20 +171,23 @@ class Twin:
         d.qvel[:] = rng.uniform(-1, 1, m.nv)
         for _ in range(50 if m.neq else 0):
             self.mujoco.mj_forward(m, d)
-            J = d.efc_J.reshape(-1, m.nv)
-            self.mujoco.mj_integratePos(m, d.qpos, -np.linalg.pinv(J) @ d.efc_pos, 1.0)
+            self.mujoco.mj_integratePos(m, d.qpos, -np.linalg.pinv(self.J) @ d.efc_pos, 1.0)
         self.mujoco.mj_forward(m, d)
         if m.neq:
-            J = d.efc_J.reshape(-1, m.nv)
-            d.qvel[:] -= np.linalg.pinv(J) @ (J @ d.qvel)
+            d.qvel[:] -= np.linalg.pinv(self.J) @ (self.J @ d.qvel)
             self.mujoco.mj_forward(m, d)
+
+    @property
+    def J(self):
+        """MuJoCo's rows (n, n_v) of the equality constraints."""
+        return self.data.efc_J.reshape(-1, self.model.nv)
 
     def start(self):
         """The state of MuJoCo's as a start of symmb's."""
         m, d, robot, start = self.model, self.data, self.robot, {}
         for k, name in enumerate(self.names):
             q, v = m.jnt_qposadr[k], m.jnt_dofadr[k]
-            joint = robot.joints.get(name, None)
+            joint = robot.joints.get(name)
             if joint is not None and joint.coordinate:
                 start[f"{name}.{joint.coordinate}"] = d.qpos[q]
                 start[f"{name}.{joint.coordinate}_rate"] = d.qvel[v]
@@ -265,24 +267,21 @@ class Twin:
                 continue
             parts = []
             weld = m.eq_type[k] == mujoco.mjtEq.mjEQ_WELD
-            ends = (
-                (m.eq_obj1id[k], m.eq_data[k, 3:6] if weld else m.eq_data[k, :3]),
-                (m.eq_obj2id[k], m.eq_data[k, :3] if weld else m.eq_data[k, 3:6]),
-            )
+            places = m.eq_data[k, 3:6], m.eq_data[k, :3]
+            ends = zip((m.eq_obj1id[k], m.eq_obj2id[k]), places if weld else places[::-1], strict=True)
             for body, own in ends:
                 point = d.xpos[body] + d.xmat[body].reshape(3, 3) @ own
-                J_p, J_r, D_p, D_r = (np.zeros((3, m.nv)) for _ in range(4))
-                mujoco.mj_jac(m, d, J_p, J_r, point, body)
-                mujoco.mj_jacDot(m, d, D_p, D_r, point, body)
+                own_J, own_D = np.zeros((2, 6, m.nv))
+                mujoco.mj_jac(m, d, own_J[:3], own_J[3:], point, body)
+                mujoco.mj_jacDot(m, d, own_D[:3], own_D[3:], point, body)
                 count = 6 if weld else 3
-                parts.append((np.vstack([J_p, J_r])[:count], np.vstack([D_p, D_r])[:count] @ d.qvel))
+                parts.append((own_J[:count], own_D[:count] @ d.qvel))
             J.append(parts[0][0] - parts[1][0])
             bias.append(parts[0][1] - parts[1][1])
         J, bias = np.vstack(J), np.concatenate(bias)
-        theirs = d.efc_J.reshape(-1, m.nv)
         assert np.abs(d.efc_pos).max() < 1e-12, "the state is not assembled"
         size = np.linalg.matrix_rank(J, 1e-9)
-        assert np.linalg.matrix_rank(np.vstack([J, theirs]), 1e-9) == size, "the rows are not MuJoCo's"
+        assert np.linalg.matrix_rank(np.vstack([J, self.J]), 1e-9) == size, "the rows are not MuJoCo's"
         return J, bias
 
     @property
@@ -290,7 +289,7 @@ class Twin:
         """Whether the rows are independent, well enough that digits are not lost."""
         if not self.model.neq:
             return True
-        sizes = np.linalg.svd(self.data.efc_J.reshape(-1, self.model.nv), compute_uv=False)
+        sizes = np.linalg.svd(self.J, compute_uv=False)
         return bool(np.abs(self.data.efc_pos).max() < 1e-12 and sizes[-1] > 1e-2 * sizes[0])
 
 

@@ -43,20 +43,15 @@ class Linkage:
     def motion(self, span: float, rate: float) -> tuple[np.ndarray, np.ndarray]:
         """Times (n_t,) up to a span, or to where a singular position is close, and the outputs there to 1e-10."""
         theta = ca.SX.sym("theta")
-        moved, kinetic, potential = [], 0, 0
-        R, end, omega = ca.SX.eye(3), ca.SX(ca.DM(self.points[0])), ca.SX.zeros(3)
+        kinetic, potential = 0, 0
         turned = self.turns(theta) - self.turns(self.theta)
-        for k, (m, J, centre) in enumerate(zip(self.m, self.J, self.centres, strict=True)):
-            axis = ca.DM(self.axes[k])
-            omega = omega + R @ axis * ca.jacobian(turned[k], theta)
-            c, s = ca.cos(turned[k]), ca.sin(turned[k])
-            R = R @ (c * ca.SX.eye(3) + s * ca.skew(axis) + (1 - c) * (axis @ axis.T))
-            moved.append(end + R @ ca.DM(centre - self.points[k]))
-            end = end + R @ ca.DM(self.points[k + 1] - self.points[k])
-            kinetic += m * ca.sumsqr(ca.jacobian(moved[-1], theta)) + J * ca.sumsqr(omega)
-            potential -= m * ca.dot(ca.DM(GRAVITY), moved[-1])
+        bars, _ = chain(self.points, self.axes, turned, ca.jacobian(turned, theta), self.centres)
+        for m, J, (_, omega, place) in zip(self.m, self.J, bars, strict=True):
+            kinetic += m * ca.sumsqr(ca.jacobian(place, theta)) + J * ca.sumsqr(omega)
+            potential -= m * ca.dot(ca.DM(GRAVITY), place)
         slopes = [ca.jacobian(kinetic, theta), ca.jacobian(potential, theta)]
-        f, places = ca.Function("f", [theta], [kinetic, *slopes]), ca.Function("places", [theta], [ca.vertcat(*moved)])
+        f = ca.Function("f", [theta], [kinetic, *slopes])
+        places = ca.Function("places", [theta], [ca.vertcat(*(place for *_, place in bars))])
 
         def slope(_: float, x: np.ndarray) -> list[float]:
             inertia, change, force = (float(value) for value in f(x[0]))
@@ -66,9 +61,8 @@ class Linkage:
             return abs(np.sin(x[0])) - self.least if self.least else 1.0
 
         nears.terminal = True
-        run = solve_ivp(
-            slope, (0, span), [self.theta, rate], "DOP853", rtol=1e-12, atol=1e-12, events=nears, dense_output=True
-        )
+        exact = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-12}
+        run = solve_ivp(slope, (0, span), [self.theta, rate], events=nears, dense_output=True, **exact)
         times = np.linspace(0, run.t[-1], 16)
         return times, np.array([places(angle).full().ravel() for angle in run.sol(times)[0]])
 
@@ -79,35 +73,31 @@ class Linkage:
         bars = [mb.Body(f"bar{k}", m, (J, J, J), mb.Spatial()) for k, (m, J) in enumerate(inertias)]
         around = [ground, *bars, ground]
         origins = [np.zeros(3), *self.centres, np.zeros(3)]
+        places = [[self.points[k] - r for r in origins[k : k + 2]] for k in range(len(self.points))]
         hinges = [
-            mb.Revolute(
-                f"hinge{k}",
-                around[k].point(*(self.points[k] - origins[k])),
-                around[k + 1].point(*(self.points[k] - origins[k + 1])),
-                axis=tuple(axis),
-            )
-            for k, axis in enumerate(self.axes)
+            mb.Revolute(f"hinge{k}", around[k].point(*a), around[k + 1].point(*b), axis=tuple(self.axes[k]))
+            for k, (a, b) in enumerate(places)
         ]
-        return mb.Scene(
-            mb.System(*bars, *hinges, mb.Gravity(*GRAVITY)),
-            times=times,
-            outputs={f"{axis}{k}": getattr(bar, axis) for k, bar in enumerate(bars) for axis in "xyz"},
-            guess={
-                f"bar{k}.{n}": c for k, centre in enumerate(self.centres) for n, c in zip("xyz", centre, strict=True)
-            },
-            start={"hinge0.angle_rate": rate} if rate else {},
-            name="linkage",
-        )
+        each = list(enumerate(zip(bars, self.centres, strict=True)))
+        outputs = {f"{axis}{k}": getattr(bar, axis) for k, (bar, _) in each for axis in "xyz"}
+        guess = {f"bar{k}.{axis}": r for k, (_, centre) in each for axis, r in zip("xyz", centre, strict=True)}
+        start, system = {"hinge0.angle_rate": rate} if rate else {}, mb.System(*bars, *hinges, mb.Gravity(*GRAVITY))
+        return mb.Scene(system, start, times, outputs, guess=guess, name="linkage")
 
 
-def _linkage(
-    random: np.random.Generator,
-    points: np.ndarray,
-    axes: np.ndarray,
-    turns: ca.Function,
-    theta: float,
-    least: float = 0.0,
-) -> Linkage:
+def chain(points: np.ndarray, axes: np.ndarray, turns: ca.SX, rates: ca.SX, centres: np.ndarray) -> tuple[list, ca.SX]:
+    """Rotation, angular velocity and centre of each bar of a chain that has turned at its hinges, and where it ends."""
+    R, end, omega, bars = ca.SX.eye(3), ca.SX(ca.DM(points[0])), ca.SX.zeros(3), []
+    for k, centre in enumerate(centres):
+        axis, c, s = ca.DM(axes[k]), ca.cos(turns[k]), ca.sin(turns[k])
+        omega = omega + R @ axis * rates[k]
+        R = R @ (c * ca.SX.eye(3) + s * ca.skew(axis) + (1 - c) * (axis @ axis.T))
+        bars.append((R, omega, end + R @ ca.DM(centre - points[k])))
+        end = end + R @ ca.DM(points[k + 1] - points[k])
+    return bars, end
+
+
+def _linkage(random, points, axes, turns: ca.Function, theta: float, least: float = 0.0) -> Linkage:
     """A linkage of random masses, anywhere in space."""
     R = Rotation.from_quat(random.normal(size=4)).as_matrix()
     points, axes = points @ R.T, axes @ R.T

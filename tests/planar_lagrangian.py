@@ -62,10 +62,11 @@ class Mechanism:
 
     def start(self):
         """(N, 2 n) angles and their rates; for a four-bar the rate of the crank is the last value (N, n + 1)."""
-        a, v = np.zeros_like(self.angle), np.zeros_like(self.angle)
+        a, v = self.angle.copy(), self.rate.copy()
         for i, j in enumerate(self.parents):
-            a[:, i] = self.angle[:, i] + (a[:, j] if j >= 0 else 0.0)
-            v[:, i] = self.rate[:, i] + (v[:, j] if j >= 0 else 0.0)
+            if j >= 0:
+                a[:, i] += a[:, j]
+                v[:, i] += v[:, j]
         if self.base is None:
             return np.hstack([a, v])
         crank, b, c = self.angle[:, 0], self.length[:, 1], self.length[:, 2]
@@ -156,9 +157,8 @@ def random_mechanism(seed):
         x = found.start()[0]
         guess = {f"rod{k}.theta": float(x[k]) for k in (1, 2)}
     outputs = {f"y{k}": rod.y for k, rod in enumerate(rods)} | {f"angle{k}": rod.theta for k, rod in enumerate(rods)}
-    box = mb.Box(
-        **{str(name): tuple(sorted((fixed[name] * (1 - spread), fixed[name] * (1 + spread)))) for name in chosen}
-    )
+    ends = {str(name): sorted((fixed[name] * (1 - spread), fixed[name] * (1 + spread))) for name in chosen}
+    box = mb.Box(**{name: tuple(interval) for name, interval in ends.items()})
     times = np.linspace(0.0, rng.choice([0.1, 0.2, 0.4]), 7)
     scene = mb.Scene(mb.System(*elements, parameters=p), start, times, outputs, guess=guess, box=box, name=f"{seed}")
     return scene, lambda P: _mechanism([*fixed], P, parents, places)

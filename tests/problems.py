@@ -104,9 +104,8 @@ def pendulum_period_2(periods: int = 1000) -> Problem:
     def make() -> mb.Scene:
         bob = mb.Body("bob", 1.0, pose=mb.Particle())
         rod = mb.Distance("rod", mb.Ground().point(0, 0), bob.point(0, 0), 1.0)
-        outputs = {"x": bob.x, "y": bob.y, "vx": bob.vx, "vy": bob.vy}
         system = mb.System(bob, rod, mb.Gravity(0, -known["g"]))
-        return mb.Scene(system, {"bob.x": 1.0, "bob.y": 0.0}, times, outputs, name="bead")
+        return mb.Scene(system, {"bob.x": 1.0, "bob.y": 0.0}, times, _motion(bob), name="bead")
 
     values = np.array(known["values"])
     return Problem(f"bead, {periods} periods", make, np.vstack([values, np.tile(values[0], (10, 1))]))
@@ -124,8 +123,8 @@ def stiff_spring(k: float, kind: str) -> Problem:
         bob = mb.Body("bob", 1.0, pose=mb.Particle())
         spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), k, 1.0)
         start = {"bob.x": values[0][0], "bob.y": values[1][0]}
-        outputs = {"x": bob.x, "y": bob.y, "vx": bob.vx, "vy": bob.vy}
-        return mb.Scene(mb.System(bob, spring, mb.Gravity(0, -9.81)), start, known["times"], outputs, name="spring")
+        system = mb.System(bob, spring, mb.Gravity(0, -9.81))
+        return mb.Scene(system, start, known["times"], _motion(bob), name="spring")
 
     digits = 12.0 if kind == "slow_manifold" else 9.0 - np.log10(k) / 6
     return Problem(f"spring, {k:g} N/m, {kind.replace('_', ' ')}", make, np.transpose(values), digits)
@@ -148,9 +147,8 @@ def slider_crank(kind: str) -> Problem:
 def n_four_bar(n: int, until: int = 10) -> Problem:
     known = KNOWN["n_four_bar"]
     exact = np.array(known["values"][str(n)])[: until + 1]
-    return Problem(
-        f"{n} windows, {until} s", lambda: model("n_four_bar", N=n).with_times(known["times"][: until + 1]), exact
-    )
+    make = lambda: model("n_four_bar", N=n).with_times(known["times"][: until + 1])  # noqa: E731
+    return Problem(f"{n} windows, {until} s", make, exact)
 
 
 def fast_top() -> Problem:
@@ -179,22 +177,18 @@ def four_bar_in_space() -> Problem:
         middle = np.arctan2(y, x) + np.arccos((b**2 + distance**2 - c**2) / (2 * b * distance))
         last = np.arctan2(b * np.sin(middle) - y, b * np.cos(middle) - x)
         angles = {"crank": theta, "coupler": middle, "rocker": last}
-        bodies = [
-            mb.Body(name, m, (1e-3 * m, m * size**2 / 12, m * size**2 / 12), mb.Spatial())
-            for name, size, m in zip(angles, (a, b, c), p["m"], strict=True)
-        ]
-        first, coupler, rocker = bodies
-        ground = mb.Ground()
-        joints = [
-            mb.Revolute("A", ground.point(0, 0, 0), first.point(-a / 2, 0, 0)),
-            mb.Revolute("B", first.point(a / 2, 0, 0), coupler.point(-b / 2, 0, 0)),
-            mb.Revolute("C", coupler.point(b / 2, 0, 0), rocker.point(c / 2, 0, 0)),
-            mb.Revolute("D", ground.point(base, 0, 0), rocker.point(-c / 2, 0, 0)),
-        ]
+        bodies, ends, ground = [], [], mb.Ground()
+        for name, size, m in zip(angles, (a, b, c), p["m"], strict=True):
+            bodies.append(mb.Body(name, m, (1e-3 * m, m * size**2 / 12, m * size**2 / 12), mb.Spatial()))
+            ends.append([bodies[-1].point(side * size / 2, 0, 0) for side in (-1, 1)])
+        first, coupler, rocker = ends
+        pairs = (ground.point(0, 0, 0), first[0]), (first[1], coupler[0]), (coupler[1], rocker[1])
+        pairs = *pairs, (ground.point(base, 0, 0), rocker[0])
+        joints = [mb.Revolute(name, *pair) for name, pair in zip("ABCD", pairs, strict=True)]
         system = mb.System(*bodies, *joints, mb.Gravity(0, -9.81, 0))
         guess = {f"{name}.rotation": mb.rotation(axis=(0, 0, 1), angle=angle) for name, angle in angles.items()}
         start = {"crank.rotation": guess.pop("crank.rotation"), "crank.omega": (0, 0, known["start"]["omega"])}
-        C = coupler.point(b / 2, 0, 0)
+        C = coupler[1]
         outputs = {"Cx": C.x, "Cy": C.y, "vCx": C.vx, "vCy": C.vy}
         return mb.Scene(system, start, known["times"], outputs, guess=guess, name="four-bar in space")
 
@@ -214,34 +208,25 @@ def windows_in_space(n: int = 2, until: float = 0.6) -> mb.Scene:
         joints.append(mb.Revolute(f"left{i}", cranks[i].point(0, 0.5, 0), coupler.point(-0.5, 0, 0)))
         joints.append(mb.Revolute(f"right{i}", cranks[i + 1].point(0, 0.5, 0), coupler.point(0.5, 0, 0)))
     B0 = cranks[0].point(0, 0.5, 0)
-    return mb.Scene(
-        mb.System(*cranks, *couplers, *joints, mb.Gravity(0, -9.81, 0)),
-        {"crank0.rotation": mb.rotation(axis=(0, 0, 1), angle=0.0), "crank0.omega": (0, 0, -1.0)},
-        np.linspace(0, until, 7),
-        {"B0_x": B0.x, "B0_y": B0.y, "B0_x_dot": B0.vx, "B0_y_dot": B0.vy},
-        guess={f"coupler{i}.x": i + 0.5 for i in range(n)} | {f"coupler{i}.y": 1.0 for i in range(n)}
-        | {f"crank{i}.x": float(i) for i in range(n + 1)} | {f"crank{i}.y": 0.5 for i in range(n + 1)},
-        name=f"{n} windows in space",
-    )  # fmt: skip
+    system = mb.System(*cranks, *couplers, *joints, mb.Gravity(0, -9.81, 0))
+    start = {"crank0.rotation": mb.rotation(axis=(0, 0, 1), angle=0.0), "crank0.omega": (0, 0, -1.0)}
+    outputs = {"B0_x": B0.x, "B0_y": B0.y, "B0_x_dot": B0.vx, "B0_y_dot": B0.vy}
+    guess = {f"coupler{i}.{x}": value for i in range(n) for x, value in (("x", i + 0.5), ("y", 1.0))}
+    guess |= {f"crank{i}.{x}": value for i in range(n + 1) for x, value in (("x", float(i)), ("y", 0.5))}
+    return mb.Scene(system, start, np.linspace(0, until, 7), outputs, guess=guess, name=f"{n} windows in space")
 
 
 def all_problems() -> tuple[Problem, ...]:
     """From short to long."""
-    return (
-        andrews(),
-        car_axis(),
-        flexible_crank(),
-        flexible_crank("consistent"),
-        *(stiff_spring(k, kind) for k in (1e2, 1e4, 1e6) for kind in ("slow_manifold", "natural_length")),
-        fast_top(),
-        four_bar_in_space(),
-        slider_crank("massless_coupler"),
-        slider_crank("dead_point"),
-        n_four_bar(2),
-        n_four_bar(40, 20),
-        pendulum_period_2(),
-        pendulum_179(),
-    )
+    springs = [stiff_spring(k, kind) for k in (1e2, 1e4, 1e6) for kind in ("slow_manifold", "natural_length")]
+    cranks = slider_crank("massless_coupler"), slider_crank("dead_point")
+    first = andrews(), car_axis(), flexible_crank(), flexible_crank("consistent"), *springs, fast_top()
+    last = n_four_bar(2), n_four_bar(40, 20), pendulum_period_2(), pendulum_179()
+    return *first, four_bar_in_space(), *cranks, *last
+
+
+def _motion(bob: mb.Body) -> dict:
+    return {name: getattr(bob, name) for name in ("x", "y", "vx", "vy")}
 
 
 def _keeping(scene: mb.Scene, names: tuple[str, ...]) -> mb.Scene:

@@ -6,6 +6,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from driven_loops import closed
 from scipy.spatial.transform import Rotation
 
 import symmb as mb
@@ -49,12 +50,8 @@ def mechanism(seed: int) -> Mechanism:
         scene = _four_bar if kind == "four-bar" else _cranks
         return Mechanism(kind, False, lambda given: scene(seed, True, given), lambda: scene(seed, False, "body"))
     tree = _Tree(seed, kind == "planar", None, 0)
-    return Mechanism(
-        tree.kind,
-        not tree.driven,
-        lambda coordinates: _Tree(seed, kind == "planar", coordinates, 1).scene,
-        lambda: _Tree(seed, kind == "planar", "body", 0).scene,
-    )
+    made = lambda coordinates, doubled: _Tree(seed, kind == "planar", coordinates, doubled).scene  # noqa: E731
+    return Mechanism(tree.kind, not tree.driven, lambda given: made(given, 1), lambda: made("body", 0))
 
 
 def _options(name: str, coordinates: Any) -> dict[str, Any]:
@@ -144,31 +141,18 @@ class _Tree:
         if kind == "Spherical":
             self.start |= {f"b{k}.rotation": mb.rotation(tuple(_unit(rng)), value), f"b{k}.omega": tuple(_unit(rng))}
         if kind == "Universal":
-            turns = [
-                mb.rotation(tuple(a), float(v)) for a, v in zip((axis, axis_b), rng.uniform(-1, 1, 2), strict=True)
-            ]
-            self.start[f"b{k}.rotation"] = turns[0] @ turns[1]
+            values = rng.uniform(-1, 1, 2).tolist()
+            self.start[f"b{k}.rotation"] = mb.rotation(tuple(axis), values[0]) @ mb.rotation(tuple(axis_b), values[1])
         number = int(rng.integers(0, 3)) if k else int(rng.integers(1, 3))
         for i in range(number):
             self._companion(f"{name}_{i}", kind, str(rng.choice(companions)), carrier, k, at, on, axis, axis_b)
 
-    def _companion(
-        self,
-        name: str,
-        kind: str,
-        second: str,
-        carrier: int,
-        k: int,
-        at: Vector,
-        on: Vector,
-        axis: Vector,
-        axis_b: Vector,
-    ) -> None:
+    def _companion(self, name, kind, second, carrier, k, at, on, axis, axis_b) -> None:
         """A joint that allows what the first one allows."""
         rng = self.rng
         s, u = rng.uniform(-0.5, 0.5, 2)
         x = rng.uniform(-0.5, 0.5, 3)
-        length = None
+        across, length = x * (1, 1, 0 if self.flat else 1), None
         along = 0.0 if self.flat and kind != "Prismatic" else 1.0
         if kind == "Weld":  # frames are parallel: any joint at a common point
             at, on = at + x, on + x
@@ -180,21 +164,18 @@ class _Tree:
                 on, length = on + y, 0.4
         elif kind in ("Spherical", "Universal"):
             if second == "Distance":
-                at, length = at + x * (1, 1, 0 if self.flat else 1), 0.0
+                at, length = at + across, 0.0
         elif kind == "Prismatic":
-            x = x * (1, 1, 0 if self.flat else 1)
-            at, on = at + x + s * axis, on + x + u * axis
+            at, on = at + across + s * axis, on + across + u * axis
         elif second == "Distance":
-            away = x * (1, 1, 0 if self.flat else 1)
-            at, on, length = at + along * u * axis + away, on + along * u * axis_b, 0.0
-            x = away
+            at, on, length = at + along * u * axis + across, on + along * u * axis_b, 0.0
         else:
             same = second in ("Revolute", "Spherical", "PlanarJoint")
             at, on = at + along * s * axis, on + along * (s if same else u) * axis_b
         if second == "PointOnLine" and self.flat and kind == "Revolute":
             axis = _across(rng, np.array([0, 0, 1.0]))
         if length == 0.0:
-            length = float(np.linalg.norm(x * (1, 1, 0 if self.flat else 1)))
+            length = float(np.linalg.norm(across))
         if self.doubled:
             self.joints.append(self._joint(name, second, carrier, k, at, on, axis, axis_b, length))
         self.names.append(f"+{second}")
@@ -242,10 +223,7 @@ def _four_bar(seed: int, spatial: bool, coordinates: Any) -> mb.Scene:
     d, angle, rate = 1.0, rng.uniform(0.3, 2.8), rng.uniform(2, 6)
     pull = np.array([*rng.uniform(-9, 9, 2), 0.0])
     A, D = a * np.array([np.cos(angle), np.sin(angle)]), np.array([d, 0.0])
-    r = np.linalg.norm(D - A)
-    f = (b * b - c * c + r * r) / (2 * r)
-    e = (D - A) / r
-    B = A + f * e + np.sqrt(b * b - f * f) * np.array([-e[1], e[0]])
+    B = closed(A, D, b, c)
     bodies, guess, ends = {}, {}, {"crank": (0 * A, A), "coupler": (A, B), "rocker": (D, B)}
     half = {name: float(np.linalg.norm(Q - P)) / 2 for name, (P, Q) in ends.items()}
     for name, (P, Q) in ends.items():
@@ -270,14 +248,10 @@ def _four_bar(seed: int, spatial: bool, coordinates: Any) -> mb.Scene:
 
     axis = {"axis": tuple(R[:, 2]), "axis_b": (0, 0, 1)} if spatial else {}
     foot = mb.Revolute("A", fixed(0 * A), end("crank", -1), **axis)
-    hinges = [
-        foot,
-        mb.Revolute("B", end("crank", 1), end("coupler", -1)),
-        mb.Revolute("C", end("coupler", 1), end("rocker", 1)),
-        mb.Revolute("D", fixed(D), end("rocker", -1), **axis),
-    ]
+    pins = mb.Revolute("B", end("crank", 1), end("coupler", -1)), mb.Revolute("C", end("coupler", 1), end("rocker", 1))
+    last = mb.Revolute("D", fixed(D), end("rocker", -1), **axis)
     gravity = mb.Gravity(*(R @ pull)) if spatial else mb.Gravity(*pull[:2])
-    system = mb.System(*bodies.values(), *hinges, gravity, parameters=p)
+    system = mb.System(*bodies.values(), foot, *pins, last, gravity, parameters=p)
     coupler = bodies["coupler"]
     place = (coupler.x, coupler.y, coupler.z) if spatial else (coupler.x, coupler.y)
     along = [sum(float(R[i, k]) * place[i] for i in range(3)) if spatial else place[k] for k in range(2)]

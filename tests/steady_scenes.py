@@ -41,10 +41,8 @@ def rolling_disc(rng: np.random.Generator) -> SteadyMotion:
     rolling = mb.VelocityConstraint("rolling", (slip[0], slip[1]))
     system = mb.System(disc, mb.Motion("contact", disc.z + arm[2], 0), rolling, mb.Gravity(0, 0, -G))
     heading = mb.rotation((0, 0, 1), rng.uniform(-3, 3))
-    start = {
-        "disc.x": 0.3, "disc.y": 0.0,
-        "disc.rotation": heading @ mb.rotation((1, 0, 0), np.pi / 2), "disc.omega": (0.0, 0.0, w),
-    }  # fmt: skip
+    start = {"disc.x": 0.3, "disc.y": 0.0, "disc.omega": (0.0, 0.0, w)}
+    start["disc.rotation"] = heading @ mb.rotation((1, 0, 0), np.pi / 2)
     square = -(2 * A * (2 * A + m * R * R) * w**2 - A * m * G * R) / (A * (A + m * R * R))
     root = np.emath.sqrt(square)
     return SteadyMotion("rolling disc", mb.Scene(system, start, [0, 1], guess={"disc.z": R}), np.array([root, -root]))
@@ -131,27 +129,23 @@ def orbit(rng: np.random.Generator) -> SteadyMotion:
     return SteadyMotion("orbit", scene, 1j * rate * np.array([np.sqrt(3 - n), 1.0]))
 
 
-def _pendulum_beside_a_spring(rng: np.random.Generator, angle: float) -> tuple[mb.Scene, float]:
+def _pendulum_beside_a_spring(rng: np.random.Generator, angle: float) -> SteadyMotion:
     L = rng.uniform(0.3, 3.0)
     rod, other = mb.Body("rod", 1.0, L * L / 12), mb.Body("other", 1.0, pose=mb.Particle())
     k = 10.0 ** rng.uniform(0, 9)
-    system = mb.System(
-        rod, other,
-        mb.Revolute("hinge", GROUND.point(0, 0), rod.point(-L / 2, 0)),
-        mb.PointOnLine("rail", GROUND.point(3, 0), other.point(0, 0), axis=(0, 1, 0)),
-        mb.SpringDamper("spring", GROUND.point(3, 1), other.point(0, 0), k, 0.0, 1 - G / k),
-        mb.Gravity(0, -G),
-    )  # fmt: skip
-    return mb.Scene(system, {"rod.theta": angle - np.pi / 2, "other.y": 0.0}, [0.0, 1.0]), np.sqrt(1.5 * G / L)
+    hinge = mb.Revolute("hinge", GROUND.point(0, 0), rod.point(-L / 2, 0))
+    rail = mb.PointOnLine("rail", GROUND.point(3, 0), other.point(0, 0), axis=(0, 1, 0))
+    spring = mb.SpringDamper("spring", GROUND.point(3, 1), other.point(0, 0), k, 0.0, 1 - G / k)
+    system = mb.System(rod, other, hinge, rail, spring, mb.Gravity(0, -G))
+    scene = mb.Scene(system, {"rod.theta": angle - np.pi / 2, "other.y": 0.0}, [0.0, 1.0])
+    return SteadyMotion("swing" if angle else "hanging", scene, np.array([1j * np.sqrt(1.5 * G / L)]), not angle)
 
 
 def swing(rng: np.random.Generator) -> SteadyMotion:
     """A pendulum that is let go away from its equilibrium, beside a spring that has nothing to do with it."""
-    scene, rate = _pendulum_beside_a_spring(rng, rng.choice([-1, 1]) * rng.uniform(0.15, 2.8))
-    return SteadyMotion("swing", scene, np.array([1j * rate]), steady=False)
+    return _pendulum_beside_a_spring(rng, rng.choice([-1, 1]) * rng.uniform(0.15, 2.8))
 
 
 def hanging(rng: np.random.Generator) -> SteadyMotion:
     """The same at rest."""
-    scene, rate = _pendulum_beside_a_spring(rng, 0.0)
-    return SteadyMotion("hanging", scene, np.array([1j * rate]))
+    return _pendulum_beside_a_spring(rng, 0.0)

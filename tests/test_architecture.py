@@ -239,5 +239,5 @@ def test_nothing_strange_is_in_the_repository():
     if not (top / ".git").exists():
         pytest.skip("this is no checkout")
     files = subprocess.run(["git", "ls-files"], cwd=top, capture_output=True, text=True, check=True).stdout
-    known = ".ci .github .gitignore CITATION.cff LICENSE README.md examples models pyproject.toml symmb tests"
+    known = ".ci .github .gitignore CITATION.cff LICENSE README.md examples findings models pyproject.toml symmb tests"
     assert {name.split("/")[0] for name in files.splitlines()} <= {*known.split()}

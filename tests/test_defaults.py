@@ -1,14 +1,21 @@
-"""What may be left out, and what may be written as a text."""
+"""What may be left out, what may be written as a text, and the one form of names, wherever they come in."""
 
 import copy
 import pickle
+import random
+import sys
+import time
+import unicodedata
 
 import casadi as ca
 import numpy as np
 import pytest
 from faults import refused
+from machines import ORIGIN, bouncing_ball
+from scipy.stats import uniform
 
 import symmb as mb
+from symmb._names import name_faults, normal
 
 T = np.linspace(0.0, 1.0, 4)
 DECAY = mb.FunctionSimulator(lambda k, a: np.stack([a * np.exp(-k * T), k * T], 1), {"k": 1.3, "a": 2.0}, T, ["x", "y"])
@@ -18,7 +25,7 @@ P = mb.Parameters(stiffness=5.3, unused=1.0, mass=0.7)
 
 def oscillator():
     mass = mb.Body("mass", P.mass, pose=mb.Particle())
-    return mass, mb.Spring("spring", mb.Ground().point(0, 0), mass.point(0, 0), P.stiffness)
+    return mass, mb.Spring("spring", ORIGIN, mass.point(0, 0), P.stiffness)
 
 
 def scene(**more):
@@ -27,24 +34,17 @@ def scene(**more):
     return mb.Scene(mb.System(*elements), {"mass.x": 0.4}, np.linspace(0.0, 2.0, 5), outputs, **more)
 
 
-def same(a, b):
-    return np.array_equal(a.lower, b.lower) and np.array_equal(a.upper, b.upper) and a.method == b.method
-
-
-def test_a_study_without_a_method_is_by_polynomial_chaos():
-    assert same(mb.propagate(DECAY, box=BOX), mb.propagate(DECAY, mb.PolynomialChaos(), BOX))
-
-
 @pytest.mark.parametrize(
     ("text", "method"),
     [
         ("pce:3", mb.PolynomialChaos(order=3)), ("vertex", mb.Vertex()), ("mc:13", mb.MonteCarlo(13)),
-        ("scan:7", mb.Scanning(7)), ("pce:2:paper", mb.PolynomialChaos.paper(order=2)),
+        ("scan:7", mb.Scanning(7)), ("pce:2:paper", mb.PolynomialChaos.paper(order=2)), (None, mb.PolynomialChaos()),
     ],
 )  # fmt: skip
-def test_methods_by_their_texts(text, method):
-    assert same(mb.propagate(DECAY, text, BOX), mb.propagate(DECAY, method, BOX))
-    comparison = mb.compare(DECAY, [text, "vertex"], BOX, reference="scan:9")
+def test_methods_by_their_texts_and_polynomial_chaos_without_one(text, method):
+    a, b = mb.propagate(DECAY, text, BOX) if text else mb.propagate(DECAY, box=BOX), mb.propagate(DECAY, method, BOX)
+    assert np.array_equal(a.lower, b.lower) and np.array_equal(a.upper, b.upper) and a.method == b.method
+    comparison = mb.compare(DECAY, [text or method, "vertex"], BOX, reference="scan:9")
     assert [row.name for row in comparison.rows] == [repr(method), "Vertex()"]
     assert comparison.reference.method == "Scanning(9)"
 
@@ -72,9 +72,7 @@ def test_bounds_of_an_output_by_its_name():
             for ends, both in zip((again.lower, again.upper), bounds[name], strict=True):
                 np.testing.assert_array_equal(ends[name], both)
                 assert type(ends[name]) is type(ends[:, k]) is type(ends + 1.0) is np.ndarray
-            for ends in (again.lower, again.upper):
-                with pytest.raises(ValueError, match="read-only"):
-                    ends[0, 0] = 1.0
+                refused("read-only", ends.__setitem__, (0, 0), 1.0, error=ValueError)
                 for mine in (ends.copy(), copy.copy(ends)):
                     mine["y"][:] = 5.0
                     assert (mine["y"] == mine[:, 1]).all() and (mine["y"] == 5).all() and (ends["y"] != 5).all()
@@ -101,9 +99,7 @@ def test_tolerances_go_to_the_default_solver(tolerances):
 
 
 def test_tolerances_of_impacts_figures_and_several_runs():
-    ball = mb.Body("ball", 1.0, pose=mb.Particle())
-    floor = mb.Impact("floor", ball.y, 0.5)
-    falls = mb.Scene(mb.System(ball, mb.Gravity(0, -9.81), floor), {"ball.y": 0.3}, [0.0, 0.5], {"y": ball.y})
+    falls = bouncing_ball().scene("y", [0.0, 0.5], {"ball.y": 0.3})
     assert mb.simulate(falls, rtol=1e-7).solver == repr(mb.EventDriven(rtol=1e-7))
     mass, spring = oscillator()
     peak = mb.Scene(mb.System(mass, spring), {"mass.x": 0.4}, [0.0, 2.0], {"peak": mb.maximum(mass.vx)})
@@ -138,7 +134,7 @@ def test_a_system_finds_the_parameters_of_its_elements():
     assert [*pickle.loads(pickle.dumps(mb.System(mass, spring))).parameters] == [*P]
     rod = mb.Body("rod", 1.0, 0.2)
     for element in (
-        mb.Revolute("pin", mb.Ground().point(0, 0), rod.point(-P.mass, 0)),
+        mb.Revolute("pin", ORIGIN, rod.point(-P.mass, 0)),
         mb.Force("push", rod.point(0, 0), (0, P.stiffness * mb.t)),
         mb.Impact("wall", rod.x, P.unused),
         mb.State("z", rate=lambda z: -P.mass * z),
@@ -151,7 +147,7 @@ def test_a_system_finds_the_parameters_of_its_elements():
 def test_parameters_of_two_kinds_or_beside_the_elements_are_named():
     other = mb.Parameters(c=1.0)
     mass, spring = oscillator()
-    damper = mb.Damper("damper", mb.Ground().point(0, 0), mass.point(0, 0), other.c)
+    damper = mb.Damper("damper", ORIGIN, mass.point(0, 0), other.c)
     told = "belongs to Parameters that the System does not have. Declare all parameters in one object"
     refused(told, mb.System, mass, spring, damper)
     refused(told, mb.System, mass, spring, parameters=other)
@@ -170,18 +166,23 @@ def test_elements_made_inside_belong_to_the_system():
     assert [e.name for e in pickle.loads(pickle.dumps(system)).elements] == ["mass", "spring"]
 
 
+def ended_blocks(system):
+    """Two blocks that end by an error."""
+    with pytest.raises(mb.DeclarationError, match="the name is used twice"), system:
+        mb.Body("twice", 1.0, 1.0), mb.Body("twice", 2.0, 1.0)
+    with pytest.raises(ZeroDivisionError), system:
+        mb.Body("gone", 1.0 / 0, 1.0)
+
+
 def test_blocks_within_each_other_and_those_that_end_by_an_error():
     with mb.System(parameters=P) as outer:
         first = mb.Body("first", 1.0, 1.0)
         with mb.System() as inner:
             second = mb.Body("second", P.mass, 1.0)
-        third = mb.Revolute("third", mb.Ground().point(0, 0), first.point(1, 0))
+        third = mb.Revolute("third", ORIGIN, first.point(1, 0))
     assert outer.elements == (first, third) and outer.parameters is P
     assert inner.elements == (second,)
-    with pytest.raises(ZeroDivisionError), mb.System():
-        mb.Body("a", 1.0 / 0, 1.0)
-    with pytest.raises(mb.DeclarationError, match="the name is used twice"), mb.System():
-        mb.Body("a", 1.0, 1.0), mb.Body("a", 1.0, 1.0)
+    ended_blocks(mb.System())
 
 
 def test_a_system_is_not_used_inside_its_block():
@@ -203,22 +204,110 @@ def test_a_system_is_not_used_inside_its_block():
     with system:
         more = mb.Body("more", 1.0, 1.0)
     assert system.elements[-1] is more and system.M.shape == (6, 6)
-    with pytest.raises(mb.DeclarationError, match="the name is used twice"), system:
-        mb.Body("again", 1.0, 1.0), mb.Body("again", 2.0, 1.0)
-    with pytest.raises(ZeroDivisionError), system:
-        mb.Body("gone", 1.0 / 0, 1.0)
+    ended_blocks(system)
     assert system.elements[-1] is more and system.M.shape == (6, 6) and again not in system.elements
-    with pytest.raises(AttributeError, match="System has no attribute 'Mass'"):
-        _ = system.Mass  # pyright: ignore
+    refused("System has no attribute 'Mass'", getattr, system, "Mass", error=AttributeError)
 
 
 def test_machines_of_files_belong_to_the_system_once(tmp_path):
-    (tmp_path / "arm.urdf").write_text(
-        """<robot name="arm"><link name="wall"/><link name="rod"><inertial><mass value="2"/>
+    text = """<robot name="arm"><link name="wall"/><link name="rod"><inertial><mass value="2"/>
         <inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.21"/></inertial></link>
         <joint name="hinge" type="continuous"><parent link="wall"/><child link="rod"/></joint></robot>"""
-    )
+    (tmp_path / "arm.urdf").write_text(text)
     with pytest.warns(mb.SymmbWarning, match="inertia"), mb.System() as system:
         mb.load_urdf(tmp_path / "arm.urdf", replace={"rod.mass": P.mass})
         mb.Gravity(0, 0, -9.81)
     assert [e.name for e in system.elements] == ["rod", "hinge", "gravity"] and system.parameters is P
+
+
+SAME = [
+    ("\u00b5", "\u03bc"), ("\u212a", "K"), ("\ufb01", "fi"), ("e\u0301", "\u00e9"), ("\u017f", "s"),
+    ("\u1d65", "v"),
+]  # fmt: skip
+TIMES = np.array([0.0, 1.0])
+
+
+def spring(name):
+    """A mass on a spring, whose names are made of one."""
+    p, bob = mb.Parameters(**{name: 2.0}), mb.Body(f"b{name}", 1.0, pose=mb.Particle())
+    element = mb.Spring(f"s{name}", mb.Ground().point(0, 0), bob.point(0, 0), getattr(p, name))
+    return mb.Scene(mb.System(bob, element, parameters=p), {f"b{name}.x": 1.0}, TIMES, {f"x{name}": bob.x})
+
+
+@pytest.mark.parametrize(("one", "other"), SAME, ids=ascii)
+def test_two_forms_of_a_name_are_one_at_every_entrance(one, other, tmp_path):
+    scene = spring(one)
+    p = scene.system.parameters
+    assert [*p] == [other] and p[one] == p[other] == 2.0 and getattr(p, one).name() == other
+    run = mb.simulate(scene, mb.CVODES(), parameters={one: 3.0})
+    again = mb.simulate(spring(other), mb.CVODES(), parameters={other: 3.0})
+    assert run[f"x{one}"].tobytes() == again[f"x{other}"].tobytes()
+    assert str(scene.system.force(f"s{one}")) == str(scene.system.force(f"s{other}"))
+    assert mb.Box(**{one: (1.0, 2.0)}) == mb.Box(**{other: (1.0, 2.0)}) == mb.Box.plus_minus({one: 1.5}, **{other: 0.5})
+    assert mb.sweep(scene, {one: [1.0]}, solver=mb.CVODES())[f"x{other}"].shape == (1, 2)
+    (tmp_path / "table.csv").write_text(f"name,nominal,plus\n{one},1.5,0.5\n", encoding="utf-8")
+    assert mb.Box.read(tmp_path / "table.csv", {other: 1.5})[one] == (1.0, 2.0)
+    f = mb.FunctionSimulator(lambda **values: values[other], {one: 1.0}, [0.0], [one])
+    assert mb.propagate(f, mb.Vertex(), mb.Box(**{other: (0.0, 1.0)})).check({one: (None, 0.5)}).kept is False
+
+
+@pytest.mark.parametrize(("one", "other"), SAME, ids=ascii)
+def test_laws_know_both_forms(one, other):
+    f = mb.FunctionSimulator(lambda **values: values[other], {one: 1.0}, [0.0], ["y"])
+    box, law = mb.Box(**{one: (0.0, 1.0)}), uniform(0.0, 1.0)
+    bounds = mb.propagate(f, mb.PolynomialChaos(), box)
+    found = [bounds.quantiles("y", [0.3], laws={name: law}).lower.tobytes() for name in (one, other)]
+    assert found[0] == found[1]
+    for sampling in (mb.MonteCarlo(9, laws={name: law}) for name in (one, other)):
+        assert mb.propagate(f, sampling, box)["y"][0].shape == (1,)
+    refused("twice", bounds.probability, "y", above=0.5, laws={one: law, other: law})
+
+
+@pytest.mark.parametrize(("one", "other"), SAME, ids=ascii)
+def test_results_are_looked_up_in_both_forms(one, other, tmp_path):
+    scene = spring(one)
+    other_p = scene.system.parameters.with_nominal({one: 3.0})
+    run = mb.simulate(scene, mb.CVODES())
+    run.save(tmp_path / "run.json")
+    fit = mb.calibrate(scene, {f"x{one}": run.values[:, 0]}, solver=mb.CVODES(), noise={f"x{one}": 0.1})
+    linear = mb.linearize(scene)
+    f = mb.FunctionSimulator(lambda **values: np.array([values[other]]), {one: 1.0}, [0.0], [one])
+    widest = mb.tolerances(f, {one: (0.5, None)}, mb.Box(**{one: (0.9, 1.1)}), costs={one: lambda h: 1 / h})
+    dictionaries = [run.parameters, mb.Trajectory.load(tmp_path / "run.json").parameters, fit.parameters, fit.laws]
+    dictionaries += [fit.deviations, linear.parameters, widest.factors, widest.nominal, f.parameters]
+    dictionaries += [mb.sweep(f, {one: [1.0]}).parameters, pickle.loads(pickle.dumps(fit)).parameters]
+    for known in dictionaries:
+        assert [*known] == [other] and known[one] is known[other] is known.get(one) and one in known
+        assert known == dict(known) and "none" not in known and known.get("none", 5) == 5
+        with pytest.raises(KeyError):
+            known["none"]
+    assert other_p[one] == 3.0 and fit.noise[f"x{one}"] == 0.1
+
+
+@pytest.mark.parametrize(("one", "other"), SAME, ids=ascii)
+def test_two_forms_at_once_are_refused(one, other):
+    bodies = [mb.Body(name, 1.0, pose=mb.Particle()) for name in (one, other)]
+    scene = spring(one)
+    for call in (
+        lambda: mb.Parameters(**{one: 1.0, other: 2.0}),
+        lambda: mb.Box(**{one: (0, 1), other: (1, 2)}),
+        lambda: scene.with_outputs({one: bodies[0].x, other: bodies[0].x}),
+        lambda: mb.simulate(scene, parameters={one: 1.0, other: 2.0}),
+        lambda: mb.System(*bodies),
+        lambda: mb.FunctionSimulator(len, {"a": 1.0}, [0.0], [one, other]),
+    ):
+        refused("twice", call)
+
+
+def test_letters_have_the_form_of_identifiers_and_other_signs_stay():
+    choice, letters = random.Random(0), [chr(k) for k in range(sys.maxunicode) if f"_{chr(k)}".isidentifier()]
+    for _ in range(2000):
+        word = "".join(choice.choices(letters, k=4))
+        assert normal(word) == unicodedata.normalize("NFKC", word) == normal(normal(word))
+    assert [normal(name) for name in ("v²", "CO₂", "½", "a–b")] == ["v²", "CO₂", "½", "a–b"]
+
+
+def test_many_names_are_checked_in_a_moment():
+    begin = time.process_time()
+    assert name_faults([f"y{k}" for k in range(20_000)]) == []
+    assert time.process_time() - begin < 1.0

@@ -6,21 +6,17 @@ from functools import cache
 import numpy as np
 import pytest
 from faults import refused
+from machines import ball
 
 import symmb as mb
 from symmb._labelled import parameter_names
 
 P = mb.Parameters(stiffness=40.0, time=2.0)  # a name that a dimension has
-GROUND = mb.Ground()
 BALL = mb.Body("ball", mass=P.time, pose=mb.Particle())
-SPRING = mb.Spring("spring", GROUND.point(0, 0), BALL.point(0, 0), P.stiffness)
-SCENE = mb.Scene(
-    mb.System(BALL, SPRING, parameters=P),
-    start={"ball.x": 0.1, "ball.y": 0.0, "ball.z": 0.0},
-    times=np.linspace(0.0, 1.0, 6),
-    outputs={"x": BALL.x, "force": P.stiffness * BALL.x},
-    box=mb.Box(stiffness=(36.0, 44.0)),
-)
+SPRING = mb.Spring("spring", mb.Ground().point(0, 0), BALL.point(0, 0), P.stiffness)
+START, OUTPUTS = {"ball.x": 0.1, "ball.y": 0.0, "ball.z": 0.0}, {"x": BALL.x, "force": P.stiffness * BALL.x}
+BOX = mb.Box(stiffness=(36.0, 44.0))
+SCENE = mb.Scene(mb.System(BALL, SPRING), START, np.linspace(0.0, 1.0, 6), OUTPUTS, BOX)
 T = np.linspace(0.0, 2.0, 5)
 
 
@@ -61,23 +57,22 @@ def failing():
         return mb.propagate(function, mb.Scanning(5), mb.Box(k=(0.9, 1.1), c=(0.9, 1.1)))
 
 
-def reread(dataset, path):
-    xarray = pytest.importorskip("xarray")
-    dataset.to_netcdf(path)
+def reread(result, folder):
+    """The dataset of a result, from a file of netCDF."""
+    xarray, path = pytest.importorskip("xarray"), folder / "result.nc"
+    result.to_xarray().to_netcdf(path)
     again = xarray.load_dataset(path)
-    xarray.testing.assert_identical(dataset, again)
+    xarray.testing.assert_identical(result.to_xarray(), again)
     return again
 
 
 @pytest.mark.parametrize("result", [a_run, some_bounds, a_comparison])
 def test_netcdf_loses_nothing(result, tmp_path):
-    pytest.importorskip("xarray")
-    reread(result().to_xarray(), tmp_path / "result.nc")
+    reread(result(), tmp_path)
 
 
 def test_a_run_by_its_dimensions(tmp_path):
-    pytest.importorskip("xarray")
-    data = reread(a_run().to_xarray(), tmp_path / "run.nc")
+    data = reread(a_run(), tmp_path)
     assert data.value.dims == ("time", "output")
     np.testing.assert_array_equal(data.value.sel(output="x"), a_run()["x"])
     np.testing.assert_array_equal(data.time, a_run().t)
@@ -89,25 +84,24 @@ def test_a_run_by_its_dimensions(tmp_path):
 
 
 def test_bounds_by_their_dimensions(tmp_path):
-    pytest.importorskip("xarray")
-    data = reread(some_bounds().to_xarray(), tmp_path / "bounds.nc")
-    lower, upper = some_bounds()["x"]
-    np.testing.assert_array_equal(data.value.sel(output="x", bound="lower"), lower)
-    np.testing.assert_array_equal(data.value.sel(output="x", bound="upper"), upper)
-    np.testing.assert_array_equal(data.outer.sel(bound="upper"), some_bounds().outer[1])
-    np.testing.assert_array_equal(data.inner.sel(bound="lower"), some_bounds().inner[0])
-    np.testing.assert_array_equal(data.estimate, some_bounds().estimate)
-    np.testing.assert_array_equal(data.coefficients, some_bounds().expansion.coefficients)
-    np.testing.assert_array_equal(data.alpha, some_bounds().expansion.alpha)
+    data = reread(some_bounds(), tmp_path)
+    own = some_bounds()
+    for found, expected in (
+        (data.value.sel(output="x", bound="lower"), own["x"][0]),
+        (data.value.sel(output="x", bound="upper"), own["x"][1]),
+        (data.outer.sel(bound="upper"), own.outer[1]), (data.inner.sel(bound="lower"), own.inner[0]),
+        (data.estimate, own.estimate), (data.coefficients, own.expansion.coefficients),
+        (data.alpha, own.expansion.alpha),
+    ):  # fmt: skip
+        np.testing.assert_array_equal(found, expected)
     assert data.box.sel(parameter="stiffness").values.tolist() == [36.0, 44.0]
     assert (data.attrs["method"], data.attrs["kind"]) == ("PolynomialChaos()", "estimate")
     assert data.attrs["evaluations"] == some_bounds().evaluations
 
 
 def test_failed_runs_are_samples_with_their_parameters(tmp_path):
-    pytest.importorskip("xarray")
     bounds = failing()
-    data = reread(bounds.to_xarray(), tmp_path / "failed.nc")
+    data = reread(bounds, tmp_path)
     assert data.sizes["sample"] == len(bounds.failed) > 0
     np.testing.assert_array_equal(data.k, [run.parameters["k"] for run in bounds.failed])
     assert data.k.dims == ("sample",)
@@ -116,8 +110,7 @@ def test_failed_runs_are_samples_with_their_parameters(tmp_path):
 
 
 def test_a_comparison_by_method(tmp_path):
-    pytest.importorskip("xarray")
-    data = reread(a_comparison().to_xarray(), tmp_path / "comparison.nc")
+    data = reread(a_comparison(), tmp_path)
     row = a_comparison().rows[1]
     chosen = data.sel({"method": row.name, "output": "x"})  # sel(method=...) is something else
     np.testing.assert_array_equal(chosen.value.sel(bound="upper"), row.upper[:, 0])
@@ -154,15 +147,13 @@ def test_bounds_of_a_file_are_the_same_arrays(tmp_path):
 @pytest.mark.parametrize("package", ["xarray", "pandas"])
 def test_a_package_that_is_missing_is_named(package, monkeypatch):
     monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(ImportError, match=f"needs {package}.*pip install {package}"):
-        getattr(a_run(), f"to_{package}")()
+    told = f"needs {package}.*pip install {package}"
+    refused(told, getattr(a_run(), f"to_{package}"), error=ImportError)
 
 
 def test_a_parameter_may_have_the_name_of_a_dimension():
     pytest.importorskip("pandas")
-    p = mb.Parameters(method=1.0)
-    block = mb.Body("block", mass=p.method, pose=mb.Particle())
-    run = mb.simulate(mb.Scene(mb.System(block, parameters=p), times=[0.0, 1.0], outputs={"x": block.x}))
+    run = ball(g=None, method=1.0).run("x")
     assert run.to_pandas().method.tolist() == [1.0, 1.0]
 
 

@@ -1,6 +1,10 @@
-"""Malformed calls of the API and of the command line are told in sentences: a tenth of the benchmark's."""
+"""Malformed calls, stores and commands are told in sentences, and nothing is lost: a tenth of the benchmark's."""
 
+import os
 import random
+import resource
+import sqlite3
+import tempfile
 import warnings
 from functools import cache
 from importlib import import_module
@@ -10,11 +14,13 @@ import casadi as ca
 import numpy as np
 import pytest
 import sympy
-from faults import refused
+from faults import refused, refused_command
 from scipy.interpolate import PchipInterpolator
 
 import symmb as mb
 from symmb._options import numbers_of
+from symmb.connect import run_database
+from symmb.show.cli.main import main
 
 
 @cache
@@ -46,26 +52,19 @@ def test_nonsense_overflows_and_other_results_would_be_found(monkeypatch, call, 
     assert any(text in malformed().api_fault(random.Random(seed)) for seed in range(60))
 
 
-@pytest.mark.parametrize("value", [0, "x", None, np.array(1.0), ca.MX.sym("x"), sympy.Symbol("x"), lambda: 0])
-def test_initial_of_no_expression(value):
-    refused("initial", mb.initial, value)
-
-
 CALLS = {
-    "inputs": lambda: mb.linearize(malformed().SCENE, inputs=np.array([1.0])),
-    "outputs": lambda: mb.linearize(malformed().SCENE, outputs=3),
-    "critical": lambda: mb.critical(malformed().SCENE, np.array(["k"]), (0, 1)),
-    "range": lambda: mb.critical(malformed().SCENE, "k", np.array([1.0, 2.0, 3.0])),
-    "locus": lambda: mb.root_locus(malformed().SCENE, ["k"], (0, 1)),
-    "modes": lambda: mb.FiniteElements.beams(malformed().BEAM).modes(interfaces=3),
-    "executor that is a module": lambda: mb.propagate(malformed().DECAY, mb.Vertex(), malformed().BOX, executor=np),
-    "executor with another map": lambda: mb.propagate(
-        malformed().DECAY, mb.Vertex(), malformed().BOX, executor=_Maps()
-    ),
-    "names": lambda: mb.Scene(malformed().SCENE.system, outputs=np.ones(3)),
-    "start": lambda: mb.Scene(malformed().SCENE.system, start=np.ones(3)),
-    "a symbol of nothing": lambda: malformed().in_a_scene(mb.BushContact)(
-        "bush", malformed().A, malformed().B, (ca.SX.sym("a"), 0, 1), 1e-3, mb.HuntCrossley(1e5, 0.5, 0.1)
+    "inputs": lambda m: mb.linearize(m.SCENE, inputs=np.array([1.0])),
+    "outputs": lambda m: mb.linearize(m.SCENE, outputs=3),
+    "critical": lambda m: mb.critical(m.SCENE, np.array(["k"]), (0, 1)),
+    "range": lambda m: mb.critical(m.SCENE, "k", np.array([1.0, 2.0, 3.0])),
+    "locus": lambda m: mb.root_locus(m.SCENE, ["k"], (0, 1)),
+    "modes": lambda m: mb.FiniteElements.beams(m.BEAM).modes(interfaces=3),
+    "executor that is a module": lambda m: mb.propagate(m.DECAY, mb.Vertex(), m.BOX, executor=np),
+    "executor with another map": lambda m: mb.propagate(m.DECAY, mb.Vertex(), m.BOX, executor=_Maps()),
+    "names": lambda m: mb.Scene(m.SCENE.system, outputs=np.ones(3)),
+    "start": lambda m: mb.Scene(m.SCENE.system, start=np.ones(3)),
+    "a symbol of nothing": lambda m: m.in_a_scene(mb.BushContact)(
+        "bush", m.A, m.B, (ca.SX.sym("a"), 0, 1), 1e-3, mb.HuntCrossley(1e5, 0.5, 0.1)
     ),
 }
 
@@ -80,7 +79,7 @@ class _Maps:
 @pytest.mark.parametrize("name", CALLS)
 def test_calls_that_ended_in_foreign_exceptions(name):
     with warnings.catch_warnings(action="ignore"), pytest.raises(mb.SymmbError) as error:
-        CALLS[name]()
+        CALLS[name](malformed())
     assert str(error.value).endswith((".", ")", "'")) and len(str(error.value)) < 1000
 
 
@@ -132,23 +131,6 @@ def test_numbers_of_options_become_pythons(kind, number):
     assert all(type(getattr(made, name)) is type(value) for name, value in OPTIONS[kind].items())
 
 
-@pytest.mark.parametrize("rate", [1e200, 1e304, np.inf])
-def test_rates_whose_squares_are_no_numbers(rate):
-    for make in (lambda: mb.Baumgarte(beta=rate), lambda: mb.AugmentedLagrangian(omega=rate)):
-        refused(r"at most 1e\+60", make)
-
-
-@pytest.mark.parametrize("make", [lambda: mb.IDAS(atol=10**400), lambda: mb.HHT(step=10**400)])
-def test_numbers_beyond_doubles(make):
-    refused("must be a number above", make)
-
-
-@pytest.mark.parametrize("make", [mb.PolynomialChaos, mb.PolynomialChaos.paper])
-@pytest.mark.parametrize("nodes", [mb.Sobol(), mb.Random(), mb.LatinHypercube()])
-def test_samplers_are_no_rules(make, nodes):
-    refused("nodes", make, 2, nodes=nodes)
-
-
 def test_an_order_does_not_overflow():
     bounds = mb.propagate(malformed().DECAY, mb.Swarm(np.int8(50), np.int8(10)), malformed().BOX)
     assert bounds.evaluations == 2 * len(malformed().T) * 500
@@ -156,60 +138,68 @@ def test_an_order_does_not_overflow():
     np.testing.assert_allclose(bounds.lower[:, 0], np.exp(-1.05 * malformed().T), rtol=1e-12)
 
 
-@pytest.mark.parametrize("value", [True, False, np.True_, "1e-3", 1j, np.ma.masked, np.array([0.1]), None])
-@pytest.mark.parametrize(
-    ("kind", "name"),
-    [(mb.CVODES, "rtol"), (mb.HHT, "step"), (mb.RungeKutta, "steps"), (mb.Exact, "tolerance"), (mb.Baumgarte, "beta"),
-     (mb.AugmentedLagrangian, "iterations"), (mb.GeneralizedAlpha, "rho"), (mb.Swarm, "steps"),
-     (mb.Bernstein, "boxes")],
-)  # fmt: skip
-def test_what_is_no_number_is_no_option(kind, name, value):
-    refused(name, kind, **{name: value})
+NO_NUMBERS = True, False, np.True_, "1e-3", 1j, np.ma.masked, np.array([0.1]), None
+OF_NUMBERS = [
+    (mb.CVODES, "rtol"), (mb.HHT, "step"), (mb.RungeKutta, "steps"), (mb.Exact, "tolerance"), (mb.Baumgarte, "beta"),
+    (mb.AugmentedLagrangian, "iterations"), (mb.GeneralizedAlpha, "rho"), (mb.Swarm, "steps"), (mb.Bernstein, "boxes"),
+]  # fmt: skip
+RATES = 1e200, 1e304, np.inf
+SAMPLERS = mb.Sobol(), mb.Random(), mb.LatinHypercube()
+REFUSED = {
+    "an initial value of no expression": (
+        "initial", mb.initial, [0, "x", None, np.array(1.0), ca.MX.sym("x"), sympy.Symbol("x"), lambda: 0],
+    ),
+    "rates whose squares are no numbers": (r"at most 1e\+60", lambda rate: mb.Baumgarte(beta=rate), RATES),
+    "such rates of a penalty": (r"at most 1e\+60", lambda rate: mb.AugmentedLagrangian(omega=rate), RATES),
+    "a tolerance beyond doubles": ("must be a number above", lambda value: mb.IDAS(atol=value), [10**400]),
+    "a step beyond doubles": ("must be a number above", lambda value: mb.HHT(step=value), [10**400]),
+    "samplers are no rules": ("nodes", lambda nodes: mb.PolynomialChaos(2, nodes=nodes), SAMPLERS),
+    "nor of the paper": ("nodes", lambda nodes: mb.PolynomialChaos.paper(2, nodes=nodes), SAMPLERS),
+    "slopes that are no numbers": (
+        "slopes between the points exceed", lambda points: mb.Table(*points),
+        [([0, 1], [-1e308, 1e308]), ([-1e308, 1e308], [0, 1]), ([0, 5e-324], [0, 1])],
+    ),
+} | {
+    f"{kind.__name__}, {name}": (name, lambda value, kind=kind, name=name: kind(**{name: value}), NO_NUMBERS)
+    for kind, name in OF_NUMBERS
+}  # fmt: skip
 
 
-def sampled(period):
-    held = mb.Sampled("held", period, malformed().ROD.theta)
-    system = mb.System(malformed().ROD, held, parameters=malformed().SCENE.system.parameters)
-    return mb.simulate(mb.Scene(system, times=malformed().T))
+@pytest.mark.parametrize("name", REFUSED)
+def test_values_that_do_not_fit_are_refused(name):
+    text, call, values = REFUSED[name]
+    for value in values:
+        refused(text, call, value)
+
+
+def sampled(m, period):
+    held = mb.Sampled("held", period, m.ROD.theta)
+    return mb.simulate(mb.Scene(mb.System(m.ROD, held, parameters=m.SCENE.system.parameters), times=m.T))
 
 
 COSTS = {
-    "swarm": (lambda: mb.propagate(malformed().DECAY, mb.Swarm(10**5, 10**5), malformed().BOX), "1.0e\\+11 runs"),
-    "steps": (lambda: mb.simulate(malformed().SCENE, mb.RungeKutta(10**20)), "1.0e\\+20 steps in each"),
-    "collocation": (lambda: mb.simulate(malformed().SCENE, mb.Collocation(steps=10**30)), "1.0e\\+30 steps in each"),
-    "beyond doubles": (lambda: mb.simulate(malformed().SCENE, mb.RungeKutta(10**400)), "more than 1e300 steps"),
-    "memory": (lambda: mb.simulate(malformed().SCENE, mb.RungeKutta(2**31)), "2.1e\\+09 steps in each"),
-    "step": (lambda: mb.simulate(malformed().SCENE, mb.HHT(1e-300)), "steps in each"),
-    "longest step": (lambda: mb.simulate(malformed().SCENE, mb.NSTIFFSI2(1e-300, rtol=1e-3)), "steps in each"),
-    "ensemble": (
-        lambda: mb.propagate(malformed().SCENE, mb.Vertex(), solver=mb.RungeKutta(10**9)),
-        "1.0e\\+09 steps in each",
-    ),
-    "probes": (
-        lambda: mb.propagate(malformed().DECAY, mb.PolynomialChaos(probes=10**12), malformed().BOX),
-        "1.0e\\+12 runs",
-    ),
-    "instants": (lambda: sampled(1e-12), "steps in each"),
-    "instants without end": (lambda: sampled(1e-300), "steps in each"),
-    "table": (lambda: mb.Table(range(10**12), range(10**12)), "1000000000000 points are too many"),
-    "locus": (lambda: mb.root_locus(malformed().SCENE, "k", (4.0, 5.0), count=10**9), "at most"),
-    "mesh": (
-        lambda: mb.Beam([(0, 0, 0), (1, 0, 0)], malformed().BEAM.section, malformed().BEAM.material, 10**9),
-        "at most",
-    ),
-    "corrections": (lambda: mb.AugmentedLagrangian(iterations=10**9), "at most"),
+    "swarm": ("1.0e\\+11 runs", lambda m: mb.propagate(m.DECAY, mb.Swarm(10**5, 10**5), m.BOX)),
+    "steps": ("1.0e\\+20 steps in each", lambda m: mb.simulate(m.SCENE, mb.RungeKutta(10**20))),
+    "collocation": ("1.0e\\+30 steps in each", lambda m: mb.simulate(m.SCENE, mb.Collocation(steps=10**30))),
+    "beyond doubles": ("more than 1e300 steps", lambda m: mb.simulate(m.SCENE, mb.RungeKutta(10**400))),
+    "memory": ("2.1e\\+09 steps in each", lambda m: mb.simulate(m.SCENE, mb.RungeKutta(2**31))),
+    "step": ("steps in each", lambda m: mb.simulate(m.SCENE, mb.HHT(1e-300))),
+    "longest step": ("steps in each", lambda m: mb.simulate(m.SCENE, mb.NSTIFFSI2(1e-300, rtol=1e-3))),
+    "ensemble": ("1.0e\\+09 steps in each", lambda m: mb.propagate(m.SCENE, mb.Vertex(), solver=mb.RungeKutta(10**9))),
+    "probes": ("1.0e\\+12 runs", lambda m: mb.propagate(m.DECAY, mb.PolynomialChaos(probes=10**12), m.BOX)),
+    "instants": ("steps in each", lambda m: sampled(m, 1e-12)),
+    "instants without end": ("steps in each", lambda m: sampled(m, 1e-300)),
+    "table": ("1000000000000 points are too many", lambda m: mb.Table(range(10**12), range(10**12))),
+    "locus": ("at most", lambda m: mb.root_locus(m.SCENE, "k", (4.0, 5.0), count=10**9)),
+    "mesh": ("at most", lambda m: mb.Beam([(0, 0, 0), (1, 0, 0)], m.BEAM.section, m.BEAM.material, 10**9)),
+    "corrections": ("at most", lambda m: mb.AugmentedLagrangian(iterations=10**9)),
 }
 
 
 @pytest.mark.parametrize("name", COSTS)
 def test_what_cannot_be_afforded_is_told_before_it_starts(name):
-    call, text = COSTS[name]
-    refused(text, call, error=mb.SymmbError)
-
-
-@pytest.mark.parametrize(("x", "y"), [([0, 1], [-1e308, 1e308]), ([-1e308, 1e308], [0, 1]), ([0, 5e-324], [0, 1])])
-def test_tables_whose_slopes_are_no_numbers(x, y):
-    refused("slopes between the points exceed", mb.Table, x, y)
+    text, call = COSTS[name]
+    refused(text, call, malformed(), error=mb.SymmbError)
 
 
 @pytest.mark.parametrize("size", [1e-100, 1.0, 1e100])
@@ -230,26 +220,23 @@ def test_errors_are_no_longer_than_a_screen():
 
 
 NUMBERS = {
-    "box": lambda v: mb.Box(l=(v, 1)),
-    "nominal": lambda v: mb.Box.around({"l": v}, 0.05),
-    "area": lambda v: mb.Section(area=v, Iy=1, Iz=1, J=1),
-    "points": lambda v: mb.Beam([(0, 0, 0), (v, 0, 0)], malformed().BEAM.section, malformed().BEAM.material),
-    "mass": lambda v: mb.System(mb.Body("b", v, 0.1)),
-    "doubtful": lambda v: malformed().BOUNDS.doubtful(v),
-    "gas": lambda v: malformed().in_a_scene(mb.NonlinearSpring)(
-        "gas", malformed().A, malformed().B, mb.GasSpring(1e5, 1e-3, v, 0.1)
-    ),
-    "time": lambda v: mb.Scene(malformed().SCENE.system, times=[v, 1]),
-    "table": lambda v: mb.Table([0, 1], [0, v]),
-    "sample": lambda v: malformed().DECAY.run([[v]]),
+    "box": lambda m, v: mb.Box(l=(v, 1)),
+    "nominal": lambda m, v: mb.Box.around({"l": v}, 0.05),
+    "area": lambda m, v: mb.Section(area=v, Iy=1, Iz=1, J=1),
+    "points": lambda m, v: mb.Beam([(0, 0, 0), (v, 0, 0)], m.BEAM.section, m.BEAM.material),
+    "mass": lambda m, v: mb.System(mb.Body("b", v, 0.1)),
+    "doubtful": lambda m, v: m.BOUNDS.doubtful(v),
+    "gas": lambda m, v: m.in_a_scene(mb.NonlinearSpring)("gas", m.A, m.B, mb.GasSpring(1e5, 1e-3, v, 0.1)),
+    "time": lambda m, v: mb.Scene(m.SCENE.system, times=[v, 1]),
+    "table": lambda m, v: mb.Table([0, 1], [0, v]),
+    "sample": lambda m, v: m.DECAY.run([[v]]),
 }
 
 
 @pytest.mark.parametrize("name", NUMBERS)
 @pytest.mark.parametrize("value", ["1", True, b"1", memoryview(b"x"), np.ma.masked, np.timedelta64(1, "s"), 1j])
 def test_what_is_no_number_is_refused_by_name(name, value):
-    with pytest.raises(mb.SymmbError):
-        NUMBERS[name](value)
+    refused(None, NUMBERS[name], malformed(), value, error=mb.SymmbError)
 
 
 def test_calls_write_into_a_folder_of_the_generator(monkeypatch, tmp_path):
@@ -262,3 +249,176 @@ def test_calls_write_into_a_folder_of_the_generator(monkeypatch, tmp_path):
     for seed in range(9):
         assert malformed().api_fault(random.Random(seed)) == ""
     assert [*tmp_path.iterdir()] == [] and Path.cwd() == tmp_path
+
+
+TIMES = np.linspace(0.0, 1.0, 11)
+BOX = mb.Box(k=(0.5, 1.5))
+
+
+def decay(k):
+    return np.exp(-k * TIMES)
+
+
+def is_sentence(text):
+    return text.isprintable() and text[-1] in ".)'" and "Traceback" not in text
+
+
+@pytest.fixture
+def folder():
+    """A folder that other users may read, in which a store with ten runs lies."""
+    with tempfile.TemporaryDirectory() as name:
+        os.chmod(name, 0o755)
+        study(Path(name, "runs.db"), 10)
+        yield Path(name)
+
+
+def study(path, runs=40):
+    made = mb.FunctionSimulator(decay, {"k": 1.0}, TIMES, ["x"])
+    return mb.propagate(mb.StoredSimulator(made, path), mb.MonteCarlo(runs), BOX)
+
+
+def sql(*statements):
+    def change(path):
+        connection = sqlite3.connect(path)
+        for statement in statements:
+            connection.execute(statement)
+        connection.commit()
+        connection.close()
+
+    return change
+
+
+def cut(size):
+    return lambda path: path.write_bytes(path.read_bytes()[:size])
+
+
+def overwritten(path):
+    content = bytearray(path.read_bytes())
+    content[4096:] = os.urandom(len(content) - 4096)
+    path.write_bytes(content)
+
+
+def special(path):
+    path.unlink()
+    os.mkfifo(path)
+
+
+STORES = {
+    "one byte": cut(1),
+    "header": cut(20),
+    "first page": cut(4096),
+    "half": cut(10_000),
+    "overwritten": overwritten,
+    "pipe": special,
+    "header and nonsense": lambda path: path.write_bytes(b"SQLite format 3\x00" + bytes(range(256)) * 8),
+    "text": lambda path: path.write_text("x"),
+    "folder": lambda path: (path.unlink(), path.mkdir()),
+    "other tables": lambda path: (path.unlink(), sql("CREATE TABLE other (x)")(path)),
+    "foreign": sql("PRAGMA application_id = 5"),
+    "newer": sql("PRAGMA user_version = 1000"),
+    "no runs": sql("DROP TABLE runs"),
+    "no studies": sql("DROP TABLE studies"),
+    "no column": sql("ALTER TABLE runs DROP COLUMN state"),
+    "short rows": sql("UPDATE runs SET response = x'00'"),
+    "other rows": sql("UPDATE runs SET response = x'0011223344556677'"),
+    "text rows": sql("UPDATE runs SET response = 'text'"),
+    "states": sql("UPDATE runs SET state = 7"),
+}
+LISTS = {
+    "times": sql("UPDATE studies SET times = x'00'"),
+    "names": sql("UPDATE studies SET parameters = '{'"),
+    "number of names": sql("UPDATE studies SET outputs = '3'"),
+}
+
+
+@pytest.mark.parametrize("name", STORES)
+def test_stores(name, folder):
+    path = folder / "runs.db"
+    STORES[name](path)
+    kept = path.read_bytes() if path.is_file() else b""
+    error = refused(None, study, path, error=(mb.DeclarationError, mb.SimulationError))
+    assert str(path) in error and is_sentence(error)
+    assert not path.is_file() or path.stat().st_size >= len(kept)
+    assert name != "text" or path.read_bytes() == kept
+
+
+@pytest.mark.parametrize("name", LISTS)
+def test_lists_of_stores(name, folder, capsys):
+    LISTS[name](folder / "runs.db")
+    assert is_sentence(refused_command(capsys, "runs", str(folder / "runs.db")).strip())
+
+
+COMMANDS = [
+    ["runs", ""], ["runs", "."], ["runs", "x" * 300], ["runs", "empty.db"], ["runs", "runs.db/runs.db"],
+    ["runs", "runs.db", "--study", "0"], ["runs", "runs.db", "--export", ""],
+    ["runs", "runs.db", "--export", "out.csv"], ["runs", "runs.db", "--export", "no/folder/out.nc"],
+    ["runs", "runs.db", "--study", "x"], ["runs", "runs.db", "--prune", "some"], ["runs", "runs.db", "--study"],
+    ["runs", "runs.db", "--keep"], ["runs"],
+]  # fmt: skip
+TOLD = [
+    (["runs", "no_such.db"], "does not exist"),
+    (["runs", "text.db"], "is not a run store"),
+    (["runs", "runs.db", "--study", "7"], "no study 7"),
+    (["runs", "runs.db", "--export", "runs.xls"], ".nc"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "text"), [*((words, "") for words in COMMANDS), *TOLD])
+def test_commands(arguments, text, folder, capsys, monkeypatch):
+    monkeypatch.chdir(folder)
+    Path("empty.db").touch()
+    Path("text.db").write_text("time,x")
+    before = Path("runs.db").read_bytes()
+    error = refused_command(capsys, *arguments).strip()
+    assert is_sentence(error) and text in error
+    assert Path("runs.db").read_bytes() == before and not Path("empty.db").stat().st_size
+
+
+def test_a_full_disk_keeps_what_was_written(folder):
+    plain = mb.propagate(mb.FunctionSimulator(decay, {"k": 1.0}, TIMES, ["x"]), mb.MonteCarlo(400), BOX)
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (90_000, limits[1]))  # of a file
+    try:
+        told = r"cannot be written.* Earlier entries are kept"
+        error = refused(told, study, folder / "runs.db", 400, error=mb.SimulationError)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert is_sentence(error)
+    connection = sqlite3.connect(folder / "runs.db")
+    kept = connection.execute("SELECT count(*) FROM runs").fetchone()[0]
+    assert kept >= 10 and connection.execute("PRAGMA integrity_check").fetchone() == ("ok",)
+    connection.close()
+    assert study(folder / "runs.db", 400).lower.tobytes() == plain.lower.tobytes()
+
+
+@pytest.mark.skipif(not hasattr(os, "seteuid") or os.getuid() != 0, reason="takes the place of another user")
+@pytest.mark.parametrize(("of_file", "of_folder"), [(0o444, 0o555), (0o000, 0o555), (0o644, 0o555)])
+def test_what_may_not_be_written(of_file, of_folder, folder):
+    path = folder / "runs.db"
+    os.chmod(path, of_file)
+    os.chmod(folder, of_folder)
+    os.seteuid(65534)
+    try:
+        for each in path, folder / "new.db":
+            error = refused(None, study, each)
+            assert str(each) in error and is_sentence(error)
+    finally:
+        os.seteuid(0)
+    assert study(path).evaluations == 40
+
+
+def test_a_store_that_another_program_holds(folder, monkeypatch, capsys):
+    monkeypatch.setattr(run_database, "_WAIT_AT_FIRST", 0.1)
+    other = sqlite3.connect(folder / "runs.db", isolation_level=None)
+    other.execute("BEGIN EXCLUSIVE")
+    refused("is locked by another program", study, folder / "runs.db", error=mb.SimulationError)
+    assert main(["runs", str(folder / "runs.db"), "--prune", "all"]) in (1, 2)
+    assert is_sentence(capsys.readouterr().err.strip())
+    other.execute("ROLLBACK")
+    other.close()
+    assert study(folder / "runs.db").evaluations == 40
+
+
+@pytest.mark.parametrize("path", [3, None, b"runs.db", "", "a\0b", "no/folder/runs.db", "/proc/runs.db", "x" * 300])
+def test_paths_of_stores(path):
+    assert is_sentence(refused(None, study, path))

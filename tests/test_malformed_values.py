@@ -1,5 +1,6 @@
-"""Values that are not finite, very large or very small, and directions of any length."""
+"""Values that do not fit: not finite, very large or small, of another kind, or files that are not what they seem."""
 
+import os
 from functools import cache
 
 import casadi as ca
@@ -7,12 +8,16 @@ import numpy as np
 import pytest
 from conftest import but_long
 from faults import refused, told_in_a_line
+from machines import GROUND, ball
+from numpy.testing import assert_allclose
+from scipy.interpolate import CubicSpline
 
 import symmb as mb
+from symmb._errors import FileError
 
 NAN, INF = float("nan"), float("inf")
 STIFF = mb.KelvinVoigt(1e4, 10.0)
-GROUND = mb.Ground()
+BALL = mb.Body("ball", 1.0, pose=mb.Particle())
 DIRECTED = {
     "Contact": lambda a, b, n: mb.Contact("e", b, a, n, STIFF),
     "Soil": lambda a, b, n: mb.Soil("e", a, b, n, STIFF),
@@ -48,10 +53,9 @@ def test_directions_that_are_not_finite_are_refused_by_name(element, direction):
 
 @pytest.mark.parametrize("body", [GROUND, mb.Body("a", 1.0, (1, 2, 3), mb.Spatial(), com=(0, ca.SX(INF), 0))])
 def test_points_that_are_not_finite_are_refused_by_name(body):
-    ball = mb.Body("ball", 1.0, pose=mb.Particle())
-    contact = mb.Contact("e", ball.point(0, 0, 0), body.point(0, NAN, 0), (0, 0, 1), STIFF)
+    contact = mb.Contact("e", BALL.point(0, 0, 0), body.point(0, NAN, 0), (0, 0, 1), STIFF)
     with told_in_a_line(f"Contact 'e'.*a point of body '{body.name}' contains NaN or infinity"):
-        mb.System(ball, *([body] if body is not GROUND else []), contact)
+        mb.System(BALL, *([body] if body is not GROUND else []), contact)
 
 
 @cache
@@ -106,22 +110,17 @@ def test_long_doubles_in_laws_are_numbers(name):
 TIMES = np.linspace(0.0, 1.0, 3)
 DECAY = mb.FunctionSimulator(lambda k: np.exp(-k * TIMES), {"k": 1.0, "c": 1.0}, TIMES, ["x"])
 BOX = mb.Box(k=(0.9, 1.1), c=(0.9, 1.1))
+FALL = ball().scene("y")
 LARGE = {n: (mb.Scanning(n), "Scanning.* takes .* runs, more than") for n in (10**5, 10**9, 10**18, 2**63, 10**400)}
-LARGE[0] = mb.PolynomialChaos(order=2, nodes=mb.SparseGrid(level=10**18)), "level 1000000000000000000 is too high"
+LARGE["level"] = mb.PolynomialChaos(2, nodes=mb.SparseGrid(level=10**18)), "level 1000000000000000000 is too high"
+LARGE["boxes"] = mb.TaylorModel(boxes=10**18), r"takes 1\.0e\+18 runs, more than"
 
 
 @pytest.mark.parametrize("case", LARGE, ids=lambda n: str(n)[:20])
 def test_what_cannot_be_afforded_is_told_by_its_number(case):
     method, text = LARGE[case]
-    refused(text, mb.propagate, DECAY, method, BOX, error=mb.PropagationError)
-
-
-def test_a_taylor_model_of_too_many_boxes_is_told():
-    p = mb.Parameters(m=1.0)
-    body = mb.Body("b", p.m, pose=mb.Particle())
-    scene = mb.Scene(mb.System(body, mb.Gravity(0, -1), parameters=p), times=[0, 1], outputs={"y": body.y})
-    with pytest.raises(mb.PropagationError, match=r"takes 1\.0e\+18 runs, more than"):
-        mb.propagate(scene, mb.TaylorModel(boxes=10**18), mb.Box(m=(1, 2)))
+    subject = (FALL, mb.Box(mass=(1, 2))) if case == "boxes" else (DECAY, BOX)
+    refused(text, mb.propagate, subject[0], method, subject[1], error=mb.PropagationError)
 
 
 class NoText:
@@ -129,21 +128,15 @@ class NoText:
         raise OSError("no text")
 
 
-def inside_itself():
-    values = [ca.SX.sym("x")]
-    values.append(values)
-    return values
-
-
-def numbers_in_itself():
-    values = [1.0]
+def inside_itself(value):
+    values = [value]
     values.append(values)
     return values
 
 
 ODD = {
-    "itself": inside_itself,
-    "numbers in itself": numbers_in_itself,
+    "itself": lambda: inside_itself(ca.SX.sym("x")),
+    "numbers in itself": lambda: inside_itself(1.0),
     "no text": NoText,
     "a broadcast array": lambda: np.broadcast_to(1.0, (2, 10**12)),
 }
@@ -179,15 +172,13 @@ TAKERS = {
     "probes": lambda v: mb.PolynomialChaos(order=2, probes=v),
     "file": lambda v: mb.simulate(FREE).save(v),
 }
-BALL = mb.Body("ball", 1.0, pose=mb.Particle())
 FREE = mb.Scene(mb.System(BALL), times=[0, 1], outputs={"y": BALL.y})
 
 
 @pytest.mark.parametrize("taker", TAKERS)
 @pytest.mark.parametrize("odd", ODD)
 def test_odd_values_are_told_in_a_sentence(taker, odd):
-    with pytest.raises(mb.SymmbError):
-        TAKERS[taker](ODD[odd]())
+    refused(None, TAKERS[taker], ODD[odd](), error=mb.SymmbError)
 
 
 @pytest.mark.parametrize("step", [np.longdouble("1e-4000"), 0.0, -1e-3, float("inf")])
@@ -217,3 +208,132 @@ def test_truth_values_of_modes(option, value):
 
 def test_a_folder_whose_name_is_no_name():
     refused("not the name of a file", mb.DAESimulator(FREE).dae.save_c, "\ud800", error=mb.SymmbError)
+
+
+BODY, TABLE = mb.Body("b", 1.0, 0.1), mb.Table([0, 1], [0, 1])
+A, B = GROUND.point(0, 0), BODY.point(0, 0)
+SPRING = mb.Spring("s", A, B, 1.0)
+SCENE = mb.Scene(mb.System(BODY, SPRING), times=[0.0, 0.1], outputs={"y": BODY.y})
+ELEMENTS = {
+    "BoxContact": lambda a, b, law: mb.BoxContact("c", a, (1.0, 2.0), b, law),
+    "CircleContact": lambda a, b, law: mb.CircleContact("c", a, b, 0.1, 0.2, law),
+    "SlotContact": lambda a, b, law: mb.SlotContact("c", a, b, (1, 0), 0.3, 0.06, 0.05, law),
+    "Contact": lambda a, b, law: mb.Contact("c", b, a, (0, 1, 0), law),
+    "Soil": lambda a, b, law: mb.Soil("c", a, b, (0, 1, 0), law),
+}
+
+
+@pytest.mark.parametrize("kind", ELEMENTS)
+@pytest.mark.parametrize("places", [(A, BODY), (GROUND, B), (GROUND, BODY), (BODY, A), (A, 3)], ids=str)
+def test_a_body_in_the_place_of_a_point(kind, places):
+    refused("'c': expected a point", lambda: mb.System(BODY, ELEMENTS[kind](*places, STIFF)))
+
+
+@pytest.mark.parametrize("kind", ELEMENTS)
+@pytest.mark.parametrize(
+    "law", [lambda t: mb.KelvinVoigt(t), lambda t: mb.KelvinVoigt(1e5, t), lambda t: mb.HuntCrossley(t, 0.5, 0.1)]
+)
+def test_a_table_in_the_place_of_a_number_of_a_law(kind, law):
+    refused("(stiffness|damping).* is not a number", mb.System, BODY, ELEMENTS[kind](A, B, law(TABLE)))
+
+
+@pytest.mark.parametrize("shape", [lambda s: (s, s), [(0, 0), (1, 0), (1, 1)]])
+@pytest.mark.parametrize("closed", ["no", 1, None, [True]])
+def test_a_curve_is_closed_or_it_is_not(shape, closed):
+    refused("Curve: closed must be True or False", lambda: mb.Curve(shape, 0.0, 1.0, closed=closed))
+
+
+@pytest.mark.parametrize("value", [[1], {"s": 1}, np.ones(2), None])
+def test_what_has_no_hash_is_no_name_and_no_solver(value):
+    system = SCENE.system
+    by_calibration = lambda name: mb.calibrate(SCENE, {"y": np.zeros(2)}, [name])  # noqa: E731
+    for call in (system.force, system.lam, system.reaction, by_calibration):
+        refused("name|element|constraint|list|parameter", call, value)
+    for call in (lambda: mb.prepare(SCENE, [value]), lambda: mb.calibrate(SCENE, {"y": np.zeros(2)}, None, [value])):
+        refused("is not a Solver|no parameter", call)
+
+
+@pytest.mark.parametrize("ends", [(-1.7e308, 1.7e308), (-1e308, 1e308), (-9e307, 1.79e308)])
+def test_a_box_is_no_wider_than_numbers_are_large(ends):
+    refused("Box: the interval of 'a' .* wider than the largest number", lambda: mb.Box(a=ends))
+
+
+def test_samples_do_not_leave_a_box_by_rounding():
+    box = mb.Box(a=(1.0, np.nextafter(1.0, 2.0)), b=(0.1, 0.3))
+    inside = box.from_unit(np.random.default_rng(0).uniform(-1, 1, (500, 2)))
+    assert (inside >= box.lower).all() and (inside <= box.upper).all()
+
+
+@pytest.mark.parametrize(
+    "text", ["l=" + "[" * 20_000, "l=" + "9" * 5000, "[l]\nnominal=" + "9" * 4400, "l=\udcff", "a" * 10]
+)
+def test_a_table_of_tolerances_that_toml_cannot_read(text, tmp_path):
+    (tmp_path / "a.toml").write_bytes(text.encode(errors="surrogateescape"))
+    refused(r"Box\.read: a\.toml is not a table", mb.Box.read, tmp_path / "a.toml")
+
+
+@pytest.mark.parametrize("entries", ["900000000000", "100", "82"])
+def test_a_matrix_market_file_with_more_entries_than_places(entries, tmp_path):
+    path, told = tmp_path / "k.mtx", f"header gives {entries} entries, too many for 9 rows"
+    path.write_text(f"%%MatrixMarket matrix coordinate real general\n9 9 {entries}\n1 1 1\n")
+    refused(told, mb.FiniteElements.matrices, np.eye(3), path, np.eye(9))
+
+
+@pytest.mark.parametrize("name", ["b.npz", "b.json", "k.mtx", "k.bdf", "t.csv", "t.toml"])
+@pytest.mark.parametrize("kind", ["pipe", "device"])
+def test_pipes_and_devices_are_not_read(name, kind, tmp_path):
+    path = tmp_path / name
+    if kind == "pipe":
+        os.mkfifo(path)
+    else:
+        path.symlink_to("/dev/zero")
+    read_matrices = lambda path: mb.FiniteElements.matrices(np.eye(3), path, np.eye(9))  # noqa: E731
+    readers = {"b": mb.Bounds.load, "k": read_matrices, "t": mb.Box.read}
+    refused(f"{name}' cannot be read: it is a {kind}", readers[name[0]], path, error=FileError)
+
+
+@pytest.mark.parametrize("n", [2, 3, 4, 5])
+@pytest.mark.parametrize("corners", [[], [1]])
+def test_an_open_curve_through_few_points_is_that_of_scipy(n, corners):
+    points = np.random.default_rng(n).uniform(-1, 1, (n, 2))
+    along = np.r_[0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T))]
+    curve = mb.Curve(points, corners=corners)
+    place = ca.Function("place", [curve.s], [curve.place])
+    for begin, end in ((0, 1), (1, n - 1)) if corners and n > 2 else ((0, n - 1),):
+        spline = CubicSpline(along[begin : end + 1], points[begin : end + 1])
+        for s in np.linspace(along[begin], along[end], 7)[1:-1]:
+            assert_allclose(np.array(place(s)).ravel(), spline(s), atol=1e-12)
+
+
+@pytest.mark.parametrize("solver", [mb.Rosenbrock(), mb.NSTIFFSI2(1e-2, rtol=1e-6), mb.HHT(1e-2)])
+def test_a_body_without_forces_moves_on(solver):
+    run = ball(g=None).run("x", [0.0, 0.4, 1.0], {"ball.vx": 1.5}, solver=solver)
+    assert_allclose(run["x"], [0.0, 0.6, 1.5], atol=1e-12)
+
+
+def test_joints_and_bodies_tell_what_they_have():
+    slide, pin = mb.Prismatic("s", A, B, axis=(1, 0, 0)), mb.Revolute("p", A, B)
+    has = [hasattr(joint, what) for joint in (slide, pin) for what in ("angle", "displacement_rate")]
+    assert has == [False, True, True, False]
+    assert not hasattr(ball().ball, "theta") and getattr(slide, "angle", None) is None
+    refused("'s' has no angle", lambda: slide.angle)
+
+
+@pytest.mark.parametrize(
+    ("outputs", "result"),
+    [
+        ("y", lambda a: 2 * a),
+        ("y", lambda a: np.float64(2 * a)),
+        ("y", lambda a: [2 * a]),
+        ("yz", lambda a: (2 * a, a)),
+    ],
+)
+def test_a_function_at_one_time_returns_a_number_or_one_for_each_output(outputs, result):
+    f = mb.FunctionSimulator(result, {"a": 1.0}, [0.0], [*outputs])
+    assert mb.propagate(f, mb.Vertex(), mb.Box(a=(1.0, 3.0)))["y"] == (np.array([2.0]), np.array([6.0]))
+
+
+@pytest.mark.parametrize("result", [lambda a: a, lambda a: (a, a, a), lambda a: [[a], [a], [a]]])
+def test_a_function_at_several_times_returns_no_number(result):
+    f = mb.FunctionSimulator(result, {"a": 1.0}, [0.0, 1.0], ["y", "z"])
+    refused("expected numbers of the shape", mb.propagate, f, mb.Vertex(), mb.Box(a=(1.0, 3.0)), error=mb.SymmbError)

@@ -1,27 +1,34 @@
-"""The README's example in a notebook: every result shows as a table, as typeset equations, or as a picture."""
+"""Results in a notebook are tables, typeset equations and pictures, and long work shows its progress there or not."""
 
+import inspect
+import io
 import re
+import sys
+import time
 from html import unescape
 from pathlib import Path
 
 import numpy as np
 import pytest
+from machines import ball, rods
 
 import symmb as mb
+from symmb._progress import Progress
 from symmb.bound.bounds.worst_case import Worst, WorstCase
 
-nbclient = pytest.importorskip("nbclient")
-nbformat = pytest.importorskip("nbformat")
-pytest.importorskip("ipykernel")
-
 README = Path(__file__).parents[1] / "README.md"
+TIMES = np.array([0.0, 1.0])
+
+
+def packages():
+    """Of notebooks; without them a test is skipped."""
+    return [pytest.importorskip(name) for name in ("nbclient", "nbformat", "ipykernel")]
 
 
 def example():
     """The first block of Python in the README, without its prints."""
-    code = re.search(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
-    assert code is not None
-    return "\n".join(line for line in code[1].splitlines() if not line.startswith("print("))
+    (code,) = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
+    return "\n".join(line for line in code.splitlines() if not line.startswith("print("))
 
 
 CELLS = {
@@ -45,6 +52,7 @@ CELLS = {
 
 @pytest.fixture(scope="module")
 def notebook(tmp_path_factory):
+    nbclient, nbformat, _ = packages()
     cells = [nbformat.v4.new_code_cell(source) for source in (example(), *CELLS.values())]
     book = nbformat.v4.new_notebook(cells=cells)
     folder = str(tmp_path_factory.mktemp("notebook"))
@@ -77,29 +85,25 @@ def test_equations_are_typeset(shown):
     assert "1 Revolute" in page
 
 
-@pytest.mark.parametrize("name", ["scene", "run", "bounds", "comparison"])
+SMALL = "box", "parameters", "worst cases", "a worst case", "moments", "expansion"
+
+
+@pytest.mark.parametrize("name", ["scene", "run", "bounds", "comparison", *SMALL])
 def test_results_are_tables(shown, name):
     page = shown(name)["text/html"]
-    assert "<table" in page and "tip_y" in page
-    assert "data:image/png;base64," in page
-
-
-@pytest.mark.parametrize("name", ["box", "parameters", "worst cases", "a worst case", "moments", "expansion"])
-def test_small_results_are_tables(shown, name):
-    page = shown(name)["text/html"]
-    assert "<table" in page and "length" in page and "stiffness" in page
+    parts = ("length", "stiffness") if name in SMALL else ("tip_y", "data:image/png;base64,")
+    assert all(part in page for part in ("<table", *parts))
 
 
 def test_a_drawing_is_a_page_of_its_own(shown):
     html = shown("drawing")["text/html"]
     frame = re.fullmatch('<iframe srcdoc="([^"<>]*)" title="drawing of rod on a spring"[^<>]*></iframe>', html)
-    assert frame is not None
     page = unescape(frame[1])
     assert page.startswith("<!DOCTYPE html>") and "rod on a spring" in page and page.rstrip().endswith("</html>")
 
 
 def test_a_file_is_written_without_a_page(tmp_path):
-    fall = mb.Scene(mb.System(mb.Body("ball", mass=1.0, pose=mb.Particle())), times=np.array([0.0, 1.0]), name="<b>&")
+    fall = ball(g=None).scene(name="<b>&")
     assert mb.view(fall, tmp_path / "fall.html") is None
     page = mb.view(fall)
     assert page is not None and page.text == (tmp_path / "fall.html").read_text(encoding="utf-8")
@@ -143,9 +147,129 @@ def test_a_scene_that_cannot_start_shows_why():
 
 
 def test_large_equations_are_left_to_text():
-    rods = [mb.Body(f"rod{i}", mass=1.0, inertia=0.1) for i in range(40)]
-    points = [mb.Ground().point(0, 0), *(rod.point(0.5, 0) for rod in rods)]
-    hinges = [mb.Revolute(f"hinge{i}", points[i], rod.point(-0.5, 0)) for i, rod in enumerate(rods)]
-    page = mb.System(*rods, *hinges)._repr_html_()
-    assert len(page) < 100_000
-    assert "too large for a notebook" in page
+    page = rods(40).system._repr_html_()
+    assert len(page) < 100_000 and "too large for a notebook" in page
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+@pytest.fixture
+def impatient(monkeypatch):
+    monkeypatch.setattr("symmb._progress._PATIENCE", 0.0)
+    monkeypatch.setattr("symmb._progress._PERIOD", 0.01)
+
+
+def standard_error(monkeypatch, stream=None):
+    """A terminal in its place. A fixture cannot put it there: pytest replaces it before the test is called."""
+    stream = stream or Terminal()
+    monkeypatch.setattr(sys, "stderr", stream)
+    return stream
+
+
+def told(stream, text):
+    deadline = time.monotonic() + 10.0
+    while text not in stream.getvalue() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    return text in stream.getvalue()
+
+
+def test_a_terminal_shows_runs_rate_and_time_left_and_other_work_anew(monkeypatch, impatient):
+    terminal = standard_error(monkeypatch)
+    with Progress("working") as progress:
+        assert told(terminal, "working")
+        progress("MonteCarlo(100)", 0, 100)
+        assert told(terminal, "0 of 100 runs")
+        progress("MonteCarlo(100)", 25, 100)
+        assert all(told(terminal, text) for text in ("25 of 100 runs", "left", "runs/s"))
+        progress("Vertex()", 1, 4)
+        assert told(terminal, "Vertex()") and told(terminal, "1 of 4 runs")
+    assert terminal.getvalue().endswith("\r")  # nothing is left on the line
+    assert not terminal.getvalue().splitlines()[-1].strip()
+
+
+def test_what_is_no_terminal_shows_none(monkeypatch, impatient):
+    stream = standard_error(monkeypatch, io.StringIO())
+    with Progress("working") as progress:
+        progress("MonteCarlo(100)", 25, 100)
+        time.sleep(0.05)
+    assert stream.getvalue() == ""
+
+
+def test_what_is_done_at_once_shows_none(monkeypatch):
+    terminal = standard_error(monkeypatch)
+    with Progress("working"):
+        pass
+    assert terminal.getvalue() == ""
+
+
+def test_work_inside_of_work_has_no_bar_of_its_own(monkeypatch, impatient):
+    terminal = standard_error(monkeypatch)
+    with Progress("outer"):
+        with Progress("inner"):
+            assert told(terminal, "outer")
+        assert "inner" not in terminal.getvalue()
+    with Progress("next"):
+        assert told(terminal, "next")
+
+
+@pytest.mark.parametrize("start", [mb.simulate, mb.prepare])
+def test_a_start_tells_what_it_does(monkeypatch, impatient, start):
+    """Equations first, then runs. Each is shown in tests for 20 ms at least."""
+    terminal, stage = standard_error(monkeypatch), "symmb._progress.Progress.__call__"
+    own = Progress.__call__
+    monkeypatch.setattr(stage, lambda *arguments: (time.sleep(0.02), own(*arguments), time.sleep(0.02)))
+    start(ball().scene(times=TIMES, start={"ball.vx": 2.0}, name="fall"))
+    assert "fall: equations" in terminal.getvalue()
+    assert "fall: running" in terminal.getvalue() or "fall: nominal run in two ways" in terminal.getvalue()
+
+
+def slow(k):
+    time.sleep(0.02)
+    return np.exp(-k * TIMES)
+
+
+@pytest.mark.parametrize("own", [False, True])
+def test_bounds_tell_terminals_unless_the_caller_watches(monkeypatch, impatient, own):
+    terminal, seen = standard_error(monkeypatch), []
+    decay = mb.FunctionSimulator(slow, {"k": 1.0}, TIMES, ["x"])
+    watch = (lambda done, total: seen.append((done, total))) if own else None
+    mb.propagate(decay, mb.Scanning(20), mb.Box(k=(0.5, 2.0)), progress=watch)
+    assert ("Scanning(20)" in terminal.getvalue()) is not own
+    assert bool(seen) is own
+
+
+IN_NOTEBOOK = f"""
+import time
+import numpy as np
+import symmb as mb
+import symmb._progress as progress
+
+TIMES = np.array([0.0, 1.0])
+progress._PATIENCE, progress._PERIOD = 0.0, 0.05
+
+{inspect.getsource(slow)}
+decay = mb.FunctionSimulator(slow, {{"k": 1.0}}, TIMES, ["x"])
+for n in (19, 23):
+    mb.propagate(decay, mb.Scanning(n), mb.Box(k=(0.5, 2.0)))
+"""
+
+
+def test_a_cell_of_a_notebook_shows_one_line_which_is_empty_at_the_end():
+    nbclient, nbformat, _ = packages()
+    lines = []
+
+    class Watching(nbclient.NotebookClient):
+        def process_message(self, msg, *cell):
+            lines.append(msg["content"].get("data", {}).get("text/plain", ""))
+            return super().process_message(msg, *cell)
+
+    book = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(IN_NOTEBOOK)])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.delenv("TQDM_DISABLE", raising=False)
+        Watching(book, timeout=300).execute()
+    assert all(any(f"Scanning({n}) " in line and f"of {n} runs" in line for line in lines) for n in (19, 23))
+    (output,) = book.cells[0].outputs
+    assert output["output_type"] == "display_data" and output["data"] == {"text/plain": ""}

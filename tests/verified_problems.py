@@ -83,8 +83,8 @@ def robertson(beta, gamma, end=40.0):
     p = mb.Parameters(a=0.4)
     rates = lambda x, y, z: (-p.a * x + beta * y * z, p.a * x - beta * y * z - gamma * y**2, gamma * y**2)  # noqa: E731
     outputs = lambda x, y, z: {"sum": x + y + z, "x": x}  # noqa: E731
-    return ode("ROBE25", ["x", "y", "z"], rates, [1.0, 0.0, 0.0], outputs, np.linspace(0.0, end, 41),
-               mb.Box(a=(0.4, 0.4)), p)  # fmt: skip
+    box, times = mb.Box(a=(0.4, 0.4)), np.linspace(0.0, end, 41)
+    return ode("ROBE25", ["x", "y", "z"], rates, [1.0, 0.0, 0.0], outputs, times, box, p)
 
 
 def van_der_pols(end=7.0, b=(1.0, 3.0)):

@@ -5,6 +5,9 @@ from itertools import product
 
 import numpy as np
 import pytest
+from black_boxes import errors_of, reloaded
+from faults import refused, warned
+from machines import spring_mass
 
 import symmb as mb
 
@@ -18,8 +21,14 @@ def responses(a, k, c, n):
     return np.stack([k * a * np.sin(3 * T + c) + (n - 17.6) ** 2 * T, a * T + 0.01 * k])
 
 
-def simulator():
-    return mb.FunctionSimulator(lambda **p: responses(**p).T, NOMINAL, T, ["x", "y"])
+def study(box=WHOLE, method=None):
+    return mb.propagate(mb.FunctionSimulator(lambda **p: responses(**p).T, NOMINAL, T, ["x", "y"]), method, box)
+
+
+def ends(f, box, **nominal):
+    """Bounds of a function of one output at one time, and their study."""
+    bounds = mb.propagate(mb.FunctionSimulator(lambda **p: [f(**p)], nominal, [0.0], ["y"]), None, box)
+    return (bounds.lower[0, 0], bounds.upper[0, 0]), bounds
 
 
 def scanned(box, points=401):
@@ -32,7 +41,7 @@ def scanned(box, points=401):
 
 
 def test_bounds_over_all_combinations():
-    bounds = mb.propagate(simulator(), None, WHOLE)
+    bounds = study()
     low, high, worst = zip(*map(scanned, WHOLE.combinations()), strict=True)
     np.testing.assert_allclose(bounds.lower.T, np.min(low, axis=0), atol=1e-3)
     np.testing.assert_allclose(bounds.upper.T, np.max(high, axis=0), atol=1e-3)
@@ -41,11 +50,11 @@ def test_bounds_over_all_combinations():
     assert case.parameters == pytest.approx(own)
     assert case.choices == (f"spring: {'soft' if own['k'] == 100 else 'very hard'}",)
     assert len(bounds.parts) == 6
-    assert bounds.evaluations == sum(mb.propagate(simulator(), None, part.box).evaluations for part in bounds.parts)
+    assert bounds.evaluations == sum(study(part.box).evaluations for part in bounds.parts)
 
 
 def test_limits_are_decided_by_the_worst_combination():
-    bounds = mb.propagate(simulator(), None, WHOLE)
+    bounds = study()
     top = max(scanned(own)[1][0].max() for own in WHOLE.combinations())
     assert bounds.check({"x": (None, 1.01 * top)}).kept is True
     check = bounds.check({"x": (None, 0.99 * top)})
@@ -55,61 +64,56 @@ def test_limits_are_decided_by_the_worst_combination():
 
 @pytest.mark.parametrize("suffix", [".json", ".npz"])
 def test_files_keep_choices(tmp_path, suffix):
-    bounds = mb.propagate(simulator(), None, WHOLE)
-    bounds.save(tmp_path / f"b{suffix}")
-    loaded = mb.Bounds.load(tmp_path / f"b{suffix}")
+    bounds = study()
+    loaded = reloaded(bounds, tmp_path / f"b{suffix}")
     assert loaded.box == WHOLE
     assert str(loaded.worst("x").upper) == str(bounds.worst("x").upper)
 
 
 def test_answers_that_need_intervals_are_refused():
-    bounds = mb.propagate(simulator(), None, WHOLE)
+    bounds = study()
     for answer in (bounds.contributions, lambda: bounds.quantiles("x", [0.5]), lambda: bounds.samples(9)):
-        with pytest.raises(mb.DeclarationError, match=r"Use box\.hull, .* or one of box\.combinations"):
-            answer()
+        refused(r"Use box\.hull, .* or one of box\.combinations", answer)
 
 
 def test_words_of_a_list_are_numbered():
     """The function has the number of the word as its parameter."""
     stiffness = (300.0, 100.0, 200.0)
-    chosen = mb.FunctionSimulator(lambda a, spring: a * stiffness[int(spring)] + 0 * T, {"a": 1, "spring": 0}, T, ["x"])
-    bounds = mb.propagate(chosen, None, mb.Box(a=(0.9, 1.1), spring=["M10 hard", "soft", "usual"]))
-    assert (bounds.lower[0, 0], bounds.upper[0, 0]) == pytest.approx((90, 330))
-    assert bounds.worst("x").upper.choices == ("spring: M10 hard",)
-    assert bounds.worst("x").lower.choices == ("spring: soft",)
+    box = mb.Box(a=(0.9, 1.1), spring=["M10 hard", "soft", "usual"])
+    both, bounds = ends(lambda a, spring: a * stiffness[int(spring)], box, a=1, spring=0)
+    worst = bounds.worst("y")
+    assert both == pytest.approx((90, 330))
+    assert (worst.lower.choices, worst.upper.choices) == (("spring: soft",), ("spring: M10 hard",))
     assert mb.Box(a=["1 mm", "2 mm"]) == mb.Box(a=(1, 2, "mm"))
 
 
 @pytest.mark.parametrize("method", [None, mb.MonteCarlo(2000), mb.Scanning(81)])
 def test_constraints(method):
     box = mb.Box(a=(0.5, 2.0), c=(0.0, 2.0), constraints=[lambda p: p.a**2 + p.c**2 - 2, lambda p: p.c < p.a])
-    bounds = mb.propagate(simulator(), method, box)
+    bounds = study(box, method)
     low, high, _ = scanned(box)
     width = high.max() - low.min()
     slack = 3e-3 if method is None else 5e-2
-    assert np.abs(bounds.lower.T - low).max() < slack * width
-    assert np.abs(bounds.upper.T - high).max() < slack * width
+    assert errors_of(bounds, low.T, high.T).max() < slack * width
     worst = bounds.worst("x").upper.parameters
     assert box.allowed(np.array([[worst["a"], worst["c"]]])).all()
 
 
 def test_constraints_exclude_combinations():
-    bounds = mb.propagate(simulator(), None, mb.Box(n={17, 18}, a=(1, 2), constraints=[lambda p: p.n > 17.5]))
+    bounds = study(mb.Box(n={17, 18}, a=(1, 2), constraints=[lambda p: p.n > 17.5]))
     assert len(bounds.parts) == 1
     assert any("left out: n" in remark and "17" in remark for remark in bounds.remarks)
-    with pytest.raises(mb.PropagationError, match="no combination"):
-        mb.propagate(simulator(), None, mb.Box(n={17, 18}, constraints=[lambda p: False]))
+    refused("no combination", study, mb.Box(n={17, 18}, constraints=[lambda p: False]), error=mb.PropagationError)
 
 
 def test_very_thin_sets_of_allowed_points_have_a_warning():
     thin = mb.Box(a=(-1, 1), c=(-1, 1), constraints=[lambda p: abs(p.a - p.c) - 1e-4])
-    with pytest.warns(mb.SymmbWarning, match="satisfy the constraints, so the bounds may be too narrow"):
-        mb.propagate(mb.FunctionSimulator(lambda a, c: [a + c], {"a": 0.0, "c": 0.0}, np.zeros(1), ["y"]), None, thin)
+    warned("satisfy the constraints, so the bounds may be too narrow", ends, lambda a, c: a + c, thin, a=0.0, c=0.0)
 
 
 def test_the_nominal_run_counts_only_if_it_is_allowed():
     """y = a t + 0.01 k is 3 at the nominal a = 1, which the constraint excludes."""
-    bounds = mb.propagate(simulator(), None, mb.Box(a=(0.5, 2.0), constraints=[lambda p: p.a < 0.9]))
+    bounds = study(mb.Box(a=(0.5, 2.0), constraints=[lambda p: p.a < 0.9]))
     check = bounds.check({"y": (None, 2.9)})
     assert check.kept is True
     assert "does not include the nominal run" in str(check)
@@ -117,7 +121,7 @@ def test_the_nominal_run_counts_only_if_it_is_allowed():
 
 def test_forty_combinations_without_intervals_take_one_run_each():
     springs = {f"spring {i}": {"k": 100.0 + 31 * i % 90, "c": 2.0 + 17 * i % 9} for i in range(8)}
-    bounds = mb.propagate(simulator(), None, mb.Box(n=set(range(15, 20)), spring=springs))
+    bounds = study(mb.Box(n=set(range(15, 20)), spring=springs))
     Y = {(n, word): responses(1.0, n=n, **own) for n in range(15, 20) for word, own in springs.items()}
     assert bounds.evaluations == len(bounds.parts) == len(Y) == 40
     np.testing.assert_allclose(bounds.lower.T, np.min([*Y.values()], axis=0))
@@ -134,16 +138,15 @@ def test_combinations_without_bounds_are_named():
     def torque(a, n):
         if n > 18.5:
             raise ValueError("the nut breaks")
-        return [[a * n]]
+        return a * n
 
-    nuts = mb.FunctionSimulator(torque, {"a": 1.0, "n": 17.0}, [0.0], ["y"])
     with pytest.warns(mb.SymmbWarning, match="found for 1 of 3 combinations of choices.* With n: 19: .*the nut breaks"):
-        bounds = mb.propagate(nuts, None, mb.Box(a=(1, 2), n={17, 18, 19}))
-    assert (bounds.lower[0, 0], bounds.upper[0, 0]) == pytest.approx((17, 36))
+        both, bounds = ends(torque, mb.Box(a=(1, 2), n={17, 18, 19}), a=1.0, n=17.0)
+    assert both == pytest.approx((17, 36))
     assert not any("left out" in remark for remark in bounds.remarks)
     assert (bounds.check({"y": (None, 50)}).kept, bounds.check({"y": (None, 30)}).kept) == (None, False)
     with pytest.raises(mb.PropagationError, match=r"has bounds\. With n: 19: .*the nut breaks"):
-        mb.propagate(nuts, None, mb.Box(a=(1, 2), n={19, 20}))
+        ends(torque, mb.Box(a=(1, 2), n={19, 20}), a=1.0, n=17.0)
 
 
 def test_recorded_runs_count_once_for_all_combinations():
@@ -157,11 +160,8 @@ def test_recorded_runs_count_once_for_all_combinations():
 
 def test_constraints_that_cannot_be_pickled_stay_in_this_process():
     """x = a cos(2 t) is at most 1 for a <= 1."""
-    p = mb.Parameters(a=0.9)
-    bob = mb.Body("bob", 1.0, pose=mb.Particle())
-    system = mb.System(bob, mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0), parameters=p)
-    box = mb.Box(a=(0.5, 1.5), constraints=[lambda p: p.a - 1])
-    scene = mb.Scene(system, {"bob.x": p.a}, [0.0, 1.0], {"x": bob.x}, box)
+    machine, box = spring_mass(a=0.9), mb.Box(a=(0.5, 1.5), constraints=[lambda p: p.a - 1])
+    scene = machine.scene("x", [0.0, 1.0], {"ball.x": machine.p.a}, box=box)
     with ProcessPoolExecutor(1) as pool:
         bounds = mb.propagate(scene, executor=pool)
     assert bounds.upper[0, 0] == pytest.approx(1.0, abs=1e-3)
@@ -179,8 +179,7 @@ def test_constraints_that_cannot_be_pickled_stay_in_this_process():
     ],
 )
 def test_wrong_choices(given, message):
-    with pytest.raises(mb.DeclarationError, match=message):
-        mb.Box(**given)
+    refused(message, mb.Box, **given)
 
 
 @pytest.mark.parametrize(
@@ -192,10 +191,8 @@ def test_wrong_choices(given, message):
     ],
 )
 def test_wrong_constraints(constraint, message):
-    with pytest.raises(mb.DeclarationError, match=message):
-        mb.propagate(simulator(), None, mb.Box(a=(1, 2), constraints=[constraint]))
-    with pytest.raises(mb.PropagationError, match="Vertex"):
-        mb.propagate(simulator(), mb.Vertex(), mb.Box(a=(1, 2), constraints=[constraint]))
+    refused(message, study, mb.Box(a=(1, 2), constraints=[constraint]))
+    refused("Vertex", study, mb.Box(a=(1, 2), constraints=[constraint]), mb.Vertex(), error=mb.PropagationError)
 
 
 def test_units_of_choices():
@@ -206,26 +203,22 @@ def test_units_of_choices():
 
 def test_words_of_a_list_are_no_values_of_quantities():
     """Without values, the words of a spring would give the stiffnesses 0 and 1."""
-    times = np.linspace(0.0, 1.0, 3)
-    own = mb.FunctionSimulator(lambda k: k * times, {"k": 100.0}, times, ["x"])
     with pytest.raises(mb.DeclarationError, match=r"numbers 0 to 1, but its nominal value is 100.*k=\{'soft': 100"):
-        mb.propagate(own, box=mb.Box(k=["soft", "hard"]))
-    assert mb.propagate(own, box=mb.Box(k={"soft": 80, "hard": 120})).upper.max() == pytest.approx(120)
+        ends(lambda k: k, mb.Box(k=["soft", "hard"]), k=100.0)
+    assert ends(lambda k: k, mb.Box(k={"soft": 80, "hard": 120}), k=100.0)[0][1] == pytest.approx(120)
 
 
 @pytest.mark.parametrize("width", [0.03, 0.001])
 def test_thin_sets_of_allowed_points(width):
     """The sum is largest at the end of the long axis of an ellipse."""
-    own = mb.FunctionSimulator(lambda a, b: np.array([a + b]), {"a": 0.0, "b": 0.0}, np.zeros(1), ["y"])
     thin = [lambda p: ((p.a - p.b) / width) ** 2 + ((p.a + p.b) / 1.8) ** 2 - 1]
-    bounds = mb.propagate(own, box=mb.Box(a=(-1, 1), b=(-1, 1), constraints=thin))
-    assert (bounds.lower[0, 0], bounds.upper[0, 0]) == pytest.approx((-1.8, 1.8), abs=2e-3) and not bounds.warnings
+    both, bounds = ends(lambda a, b: a + b, mb.Box(a=(-1, 1), b=(-1, 1), constraints=thin), a=0.0, b=0.0)
+    assert both == pytest.approx((-1.8, 1.8), abs=2e-3) and not bounds.warnings
 
 
 def test_small_sets_of_allowed_points_are_found():
     """With n = 3, the allowed points are a ball of radius 0.01 around 0.7."""
-    nominal = {"n": 1.0, "a": 0.5, "b": 0.5, "c": 0.5}
-    own = mb.FunctionSimulator(lambda n, a, b, c: np.array([n * (a + b + c)]), nominal, np.zeros(1), ["y"])
     ball = [lambda p: (p.a - 0.7) ** 2 + (p.b - 0.7) ** 2 + (p.c - 0.7) ** 2 - (1 if p.n == 1 else 1e-4)]
-    bounds = mb.propagate(own, box=mb.Box(n={1, 3}, a=(0, 1), b=(0, 1), c=(0, 1), constraints=ball))
-    assert bounds.upper[0, 0] == pytest.approx(3 * (2.1 + 0.01 * 3**0.5), abs=2e-3)
+    box = mb.Box(n={1, 3}, a=(0, 1), b=(0, 1), c=(0, 1), constraints=ball)
+    both, _ = ends(lambda n, a, b, c: n * (a + b + c), box, n=1.0, a=0.5, b=0.5, c=0.5)
+    assert both[1] == pytest.approx(3 * (2.1 + 0.01 * 3**0.5), abs=2e-3)

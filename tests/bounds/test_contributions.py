@@ -6,8 +6,8 @@ from itertools import product
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from faults import refused
-from unit_functions import unit_function
+from black_boxes import black_box_bounds, reloaded, unit_bounds
+from faults import refused, warned
 
 import symmb as mb
 from models import double_pendulum
@@ -16,118 +16,36 @@ from symmb.bound.bounds import Study
 T = np.array([0.0, 1.0, 2.0])
 
 
-def ishigami() -> mb.FunctionSimulator:
-    """Ishigami and Homma's function, whose indices are known: a = 7, b = 0.1, parameters from -pi to pi."""
-
-    def f(x: float, y: float, z: float) -> np.ndarray:
-        return np.array([[np.sin(x) + 7 * np.sin(y) ** 2 + 0.1 * z**4 * np.sin(x)]])
-
-    return mb.FunctionSimulator(f, {"x": 0.0, "y": 0.0, "z": 0.0}, [0.0], ["f"])
-
-
-def test_indices_of_ishigamis_function():
-    box = mb.Box(**dict.fromkeys("xyz", (-np.pi, np.pi)))
-    found = mb.propagate(ishigami(), mb.PolynomialChaos(tolerance=1e-3, seconds=600.0), box).contributions()
-    a, b, pi = 7.0, 0.1, np.pi
-    v1, v2, v13 = 0.5 * (1 + b * pi**4 / 5) ** 2, a**2 / 8, b**2 * pi**8 * 8 / 225
-    whole = v1 + v2 + v13
-    assert np.allclose(found.first[0, 0], [v1 / whole, v2 / whole, 0], atol=found.share_estimate[0, 0])
-    assert np.allclose(found.total[0, 0], np.array([v1 + v13, v2, v13]) / whole, atol=found.share_estimate[0, 0])
-    assert found.share_estimate[0, 0] < 0.05
-    assert found.runs == 0
-    # alone: x gives 2, y 7, z nothing as sin x is 0 at its nominal value; all: from -(1 + 0.1 pi^4) to 8 + 0.1 pi^4
-    assert np.allclose(found.alone[0, 0], [2, 7, 0], atol=found.estimate[0, 0])
-    top = 0.1 * pi**4
-    assert np.allclose(found.saved[0, 0], [9 + 2 * top - 7, 7, 2 * top], atol=found.saved_estimate[0, 0])
-
-
-def linear(a: float, b: float) -> np.ndarray:
-    """1 + a + 3 b t."""
-    return np.stack([1.0 + a + 3.0 * b * T, -a * b * T], axis=1)
-
-
-def simulator() -> mb.FunctionSimulator:
-    return mb.FunctionSimulator(linear, {"a": 0.5, "b": 0.0}, T, ["y", "product"])
-
-
-BOX = mb.Box(a=(0.0, 2.0), b=(-1.0, 1.0))
-EXACT = {
-    "alone": [[[2, 0], [0, 0]], [[2, 6], [0, 1]], [[2, 12], [0, 2]]],
-    "saved": [[[2, 0], [0, 0]], [[2, 6], [3, 4]], [[2, 12], [6, 8]]],
-}
-
-
-@pytest.mark.parametrize(
-    "method",
-    [
-        mb.PolynomialChaos(), mb.PolynomialChaos(order=2), mb.PolynomialChaos.paper(2), mb.Vertex(), mb.MonteCarlo(50),
-        mb.Scanning(3), mb.Swarm(50),
-    ],
-    ids=repr,
-)  # fmt: skip
-def test_widths_of_a_product_by_every_method_with_runs(method):
-    found = mb.propagate(simulator(), method, BOX).contributions()
-    estimates = (found.estimate, found.saved_estimate)
-    for values, exact, estimate in zip((found.alone, found.saved), EXACT.values(), estimates, strict=True):
-        assert (np.abs(values - np.array(exact)) <= estimate[..., None] + 1e-9).all()
-        assert (estimate <= 0.1 * found.width + 1e-9).all()
-    assert np.isnan(found.first[0, 1]).all()  # nothing varies
-    assert found.first[2, 0] == pytest.approx([1 / 37, 36 / 37], abs=1e-3)
-    assert found.total[2, 1] == pytest.approx([1 / 4, 1], abs=1e-3)  # E[a] = 1: b alone 4/3 1/3, together 1/3 1/3 more
-
-
-def test_a_parameter_that_jumps_and_one_that_does_nothing():
-    nominal = {"a": 0.0, "b": 0.0, "c": 1.0}
-    step = mb.FunctionSimulator(lambda a, b, c: [[np.where(a > 0.3, 1.0, 0.0) + 0.1 * b]], nominal, [0.0], ["y"])
-    found = mb.propagate(step, mb.PolynomialChaos(), mb.Box(a=(-1, 1), b=(-1, 1), c=(1, 1))).contributions()
-    assert np.allclose(found.alone[0, 0], [1, 0.2, 0], atol=found.estimate[0, 0])
-    assert np.allclose(found.saved[0, 0], [1, 0.2, 0], atol=found.saved_estimate[0, 0])
-    # the step has the variance 0.35 0.65, the line 0.01 / 3
-    shares = np.array([0.2275, 0.01 / 3, 0.0]) / (0.2275 + 0.01 / 3)
-    assert np.allclose(found.first[0, 0], shares, atol=found.share_estimate[0, 0])
-    assert found.share_estimate[0, 0] < 0.1 and found.runs > 0
+def bounds_of_products(method=None):
+    products = lambda a, b: np.stack([1.0 + a + 3.0 * b * T, -a * b * T], axis=1)  # noqa: E731
+    return black_box_bounds(products, method, T, "y product", nominal={"a": 0.5}, a=(0.0, 2.0), b=(-1.0, 1.0))
 
 
 @pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
 def test_an_output_that_is_noise_takes_no_further_runs():
     """y = a + b t; z is 0.5 with noise of 1e-8."""
-    noisy = mb.FunctionSimulator(
-        lambda a, b: np.stack([a + b * T, 0.5 + 1e-8 * np.sin(1e6 * a + b * T)], axis=1),
-        {"a": 1.0, "b": 1.0}, T, ["y", "z"], noise={"z": 3e-8},
-    )  # fmt: skip
-    found = mb.propagate(noisy, mb.PolynomialChaos(), mb.Box(a=(0.9, 1.1), b=(0.9, 1.1))).contributions()
+    noisy = lambda a, b: np.stack([a + b * T, 0.5 + 1e-8 * np.sin(1e6 * a + b * T)], axis=1)  # noqa: E731
+    bounds = black_box_bounds(noisy, None, T, "y z", {"z": 3e-8}, a=(0.9, 1.1), b=(0.9, 1.1))
+    found = bounds.contributions()
     assert found.runs == 0
     assert np.allclose(found.alone[:, 0], np.stack([0 * T + 0.2, 0.2 * T], axis=1), atol=1e-4)
     assert (found.alone[:, 1] <= 3e-8).all()
 
 
-def test_indices_come_from_least_squares_where_no_polynomial_is_good():
-    """Sobol's function of (1, 2, 9): the variance of each factor is 1 / 3 / (1 + a)^2. Widths have their own errors."""
-    a = np.array([1.0, 2.0, 9.0])
-    g, box = unit_function(lambda x: np.prod([(2 * abs(v) + c) / (1 + c) for v, c in zip(x, a, strict=True)]), 3)
-    found = mb.propagate(g, mb.PolynomialChaos(budget=27), box).contributions()
-    parts = 1 / 3 / (1 + a) ** 2
-    whole = np.prod(1 + parts) - 1
-    error = found.share_estimate[0, 0]
-    assert error < 0.05
-    assert np.allclose(found.first[0, 0], parts / whole, atol=error)
-    assert np.allclose(found.total[0, 0], parts / (1 + parts) * (1 + whole) / whole, atol=error)
-    assert (np.abs(found.alone[0, 0] - np.prod(a / (1 + a)) * 2 / a) <= found.errors[0, 0, 0] + 1e-9).all()
+def bounds_of_stairs(d):
+    return warned("", unit_bounds, lambda x: np.floor(3 * sum(x) + 0.01), d, mb.MonteCarlo(30))
 
 
 def test_widths_come_from_runs_where_no_polynomial_is_good():
     """Stairs over five parameters: each alone goes from -3 to 3, all together from -15 to 15."""
-    stairs, box = unit_function(lambda x: np.floor(3 * sum(x) + 0.01), 5)
-    with pytest.warns(mb.SymmbWarning):
-        bounds = mb.propagate(stairs, mb.MonteCarlo(30), box)
-    found = bounds.contributions()
+    found = bounds_of_stairs(5).contributions()
     assert found.runs > 0
     assert np.allclose(found.alone[0, 0], 6)
     assert np.allclose(found.saved[0, 0], 6, atol=found.saved_estimate[0, 0])
 
 
 def test_contributions_are_shown_and_labelled(tmp_path):
-    bounds = mb.propagate(simulator(), mb.PolynomialChaos(), BOX)
+    bounds = bounds_of_products()
     found = bounds.contributions()
     text = str(found)
     assert "do not sum to the full width" in text
@@ -138,28 +56,23 @@ def test_contributions_are_shown_and_labelled(tmp_path):
     for figure in (found.plot(tmp_path / "c.png"), found.plot(time=1.0), found.plot(outputs="y")):
         assert figure.axes
         plt.close(figure)
-    bounds.save(tmp_path / "b.npz")
-    assert np.array_equal(mb.Bounds.load(tmp_path / "b.npz").contributions().saved, found.saved)
+    assert np.array_equal(reloaded(bounds, tmp_path / "b.npz").contributions().saved, found.saved)
 
 
 def test_pieces_are_kept_in_files(tmp_path):
-    kink, box = unit_function(lambda x: abs(x[0] - 0.3) + x[1], 2)
-    bounds = mb.propagate(kink, mb.PolynomialChaos(), box)
+    bounds = unit_bounds(lambda x: abs(x[0] - 0.3) + x[1], 2)
     assert len(bounds.surrogate.expansions) > 1
     for suffix in ("npz", "json"):
-        bounds.save(tmp_path / f"b.{suffix}")
-        again = mb.Bounds.load(tmp_path / f"b.{suffix}")
+        again = reloaded(bounds, tmp_path / f"b.{suffix}")
         kept, own = again.contributions(), bounds.contributions()
         assert np.array_equal(kept.alone, own.alone) and np.array_equal(kept.saved, own.saved)
         assert (kept.errors >= own.errors).all()  # runs, which files cannot make, give smaller errors
 
 
 def test_bounds_without_polynomials_from_a_file_tell_so(tmp_path):
-    bounds = mb.propagate(simulator(), mb.Vertex(), BOX)
-    bounds.save(tmp_path / "b.npz")
-    refused("has no polynomials", mb.Bounds.load(tmp_path / "b.npz").contributions)
-    bounds.save(tmp_path / "b.csv")
-    refused("have no box", mb.Bounds.load(tmp_path / "b.csv").contributions)
+    bounds = bounds_of_products(mb.Vertex())
+    refused("has no polynomials", reloaded(bounds, tmp_path / "b.npz").contributions)
+    refused("have no box", reloaded(bounds, tmp_path / "b.csv").contributions)
 
 
 def test_taylor_of_the_double_pendulum_contributes_as_runs_do():
@@ -180,10 +93,7 @@ def test_contributions_of_first_order(method):
 def test_progress_tells_how_many_further_studies_there_are(monkeypatch):
     labels, own = [], Study.range
     monkeypatch.setattr(Study, "range", lambda self, box, label: labels.append(label) or own(self, box, label))
-    stairs, box = unit_function(lambda x: np.floor(3 * sum(x) + 0.01), 3)
-    with pytest.warns(mb.SymmbWarning):
-        bounds = mb.propagate(stairs, mb.MonteCarlo(30), box)
-    bounds.contributions()
+    bounds_of_stairs(3).contributions()
     assert labels == [f"contributions, further study {k + 1} of {len(labels)}" for k in range(len(labels))] and labels
 
 
@@ -216,7 +126,7 @@ def test_widths_of_an_arm_that_meets_a_stop_have_small_errors():
 
 
 def test_contributions_below_their_error_are_told():
-    found = mb.propagate(simulator(), mb.PolynomialChaos(), BOX).contributions()
+    found = bounds_of_products().contributions()
     assert "may be zero" not in str(found) + found._repr_html_()
     errors = np.zeros((2, 3, 2, 2))
     errors[0, 2, 0, 1], errors[1, 2, 0] = 13.0, (3.0, 13.0)
@@ -236,9 +146,8 @@ def test_told_errors_of_widths_are_right_and_of_their_size(seed):
     def level(h, c, f):
         return ((np.sqrt(h) - c * t / 2) ** 2 + np.exp(-4 * f * np.abs(t - 0.7)))[:, None]
 
-    vessel = mb.FunctionSimulator(level, dict.fromkeys("hcf", 1.0), t, ["y"])
-    box = mb.Box(**{name: (1 - s, 1 + s) for name, s in zip("hcf", spread, strict=True)})
-    found = mb.propagate(vessel, mb.PolynomialChaos(tolerance=0.03), box).contributions()
+    box = {name: (1 - s, 1 + s) for name, s in zip("hcf", spread, strict=True)}
+    found = black_box_bounds(level, mb.PolynomialChaos(tolerance=0.03), t, **box).contributions()
     ends = np.stack([1 - spread, 1 + spread])
     for k in range(3):
         alone = np.abs(np.subtract(*(level(*np.where(np.arange(3) == k, end, 1.0)) for end in ends)))[:, 0]

@@ -4,16 +4,16 @@ import re
 
 import numpy as np
 import pytest
+from black_boxes import reloaded
+from faults import warned
 
 import symmb as mb
 from symmb.bound.bounds.failures import failed_region, find_failed_region
 from symmb.bound.nodes import Sobol, grid
 
-NAMES = "abcde"
-
 
 def box(d):
-    return mb.Box(**{name: (0.9, 1.1) for name in NAMES[:d]})
+    return mb.Box(**dict.fromkeys("abcde"[:d], (0.9, 1.1)))
 
 
 def told(fails, d, points=None):
@@ -28,12 +28,8 @@ def told(fails, d, points=None):
 
 def close(text, *limits):
     """Whether the numbers of a description lie near the true limits."""
-    found = [
-        float(number)
-        for number in re.findall(r"[<>] ([\d.]+)|([\d.]+) <", text.split("(")[0])
-        for number in number
-        if number
-    ]
+    pairs = re.findall(r"[<>] ([\d.]+)|([\d.]+) <", text.split("(")[0])
+    found = [float(number) for pair in pairs for number in pair if number]
     return len(found) == len(limits) and np.allclose(sorted(found), sorted(limits), atol=0.015)
 
 
@@ -109,35 +105,30 @@ def test_points_in_a_region():
     assert region.contains(np.array([[[0.9, 0.0], [0.1, 0.9]]])).tolist() == [[True, False]]
 
 
-TIMES = np.linspace(0.0, 1.0, 5)
-
-
-def response(a, b, c, d):
-    if a > 1.07:
-        raise RuntimeError("no convergence")
-    return np.exp(-a * TIMES) * np.cos(3 * (a + b + c + d) * TIMES)
-
-
 def simulator(d):
-    return mb.FunctionSimulator(response, {name: 1.0 for name in NAMES[:4]}, TIMES, ["x"]), box(d)
+    t = np.linspace(0.0, 1.0, 5)
+
+    def response(a, b, c, d):
+        if a > 1.07:
+            raise RuntimeError("no convergence")
+        return np.exp(-a * t) * np.cos(3 * (a + b + c + d) * t)
+
+    return mb.FunctionSimulator(response, dict.fromkeys("abcd", 1.0), t, ["x"]), box(d)
 
 
-METHODS = [mb.PolynomialChaos(), mb.MonteCarlo(200), mb.Scanning(4), mb.Swarm(2, steps=5)]
-
-
-@pytest.mark.parametrize("method", METHODS, ids=repr)
+@pytest.mark.parametrize(
+    "method", [mb.PolynomialChaos(), mb.MonteCarlo(200), mb.Scanning(4), mb.Swarm(2, steps=5)], ids=repr
+)
 def test_methods_tell_where_runs_fail(method):
     pattern = r"Runs fail for a > 1\.0\d+ \(\d+ of \d+ runs there, 0 of \d+ elsewhere\)"
-    with pytest.warns(mb.SymmbWarning, match=pattern):
-        bounds = mb.propagate(simulator(2)[0], method, simulator(2)[1])
+    bounds = warned(pattern, mb.propagate, simulator(2)[0], method, simulator(2)[1])
     assert bounds.failed_region in str(bounds)
 
 
 @pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
 def test_files_keep_where_runs_fail(tmp_path):
     bounds = mb.propagate(simulator(2)[0], mb.Scanning(4), simulator(2)[1])
-    bounds.save(tmp_path / "bounds.json")
-    assert mb.Bounds.load(tmp_path / "bounds.json").failed_region == bounds.failed_region != ""
+    assert reloaded(bounds, tmp_path / "bounds.json").failed_region == bounds.failed_region != ""
 
 
 @pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
@@ -157,8 +148,7 @@ def test_comparisons_tell_where_runs_fail(tmp_path):
     made, where = simulator(2)
     comparison = mb.compare(made, [mb.MonteCarlo(100), mb.Vertex()], where, reference=mb.Scanning(9))
     assert "Runs of MonteCarlo(100) fail for a > 1.0" in " ".join(str(comparison).split())
-    comparison.save(tmp_path / "comparison.json")
-    rows = mb.Comparison.load(tmp_path / "comparison.json").rows
+    rows = reloaded(comparison, tmp_path / "comparison.json").rows
     assert [row.failed_region for row in rows] == [row.failed_region for row in comparison.rows]
     assert rows[1].failed_region == "for a > 1 (2 of 2 runs there, 0 of 2 elsewhere)"
 

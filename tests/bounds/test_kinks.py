@@ -2,6 +2,10 @@
 
 import numpy as np
 import pytest
+from black_boxes import black_box_bounds, errors_of, reloaded, rms
+from faults import warned
+from machines import ORIGIN, ball
+from machines import bouncing_ball as machine_with_floor
 
 import symmb as mb
 from models import bouncing_ball
@@ -25,10 +29,6 @@ def true(e, height):
     return Y.min(axis=0), Y.max(axis=0)
 
 
-def rms(a):
-    return np.sqrt(np.mean(np.square(a), axis=0))
-
-
 ONE = np.ones(1)
 CASES = {
     "restitution": (mb.Box(restitution=(0.76, 0.84)), (np.linspace(0.76, 0.84, 8001), ONE)),
@@ -46,12 +46,12 @@ def test_bounds_are_honest_across_impacts(case, names):
     scene = scene.with_outputs({name: outputs[name] for name in names})
     bounds = mb.propagate(scene, mb.PolynomialChaos(tolerance=3e-2), box)
     width = (upper - lower).max(axis=0)
-    errors = np.maximum(np.abs(bounds.lower - lower), np.abs(bounds.upper - upper))
-    assert (rms(errors) <= rms(bounds.estimate)).all()
+    errors = errors_of(bounds, lower, upper)
+    assert (rms(errors, axis=0) <= rms(bounds.estimate, axis=0)).all()
     assert (errors <= bounds.estimate + 1e-5 * width).mean() >= 0.98
     uncovered = np.maximum(bounds.lower - bounds.estimate - lower, upper - bounds.upper - bounds.estimate)
     assert (uncovered <= 1e-5 * width).mean() >= 0.98 and (uncovered <= 5e-3 * width).all()
-    assert (rms(bounds.estimate) <= 0.05 * rms(upper - lower)).all() and len(bounds.failed) == 0
+    assert (rms(bounds.estimate, axis=0) <= 0.05 * rms(upper - lower, axis=0)).all() and len(bounds.failed) == 0
     assert bounds.evaluations < 500
 
 
@@ -61,10 +61,10 @@ def test_jumps_at_impacts_are_resolved_without_doubts(case):
     lower, upper = true(*law)
     bounds = mb.propagate(bouncing_ball.scene().with_times(TIMES), mb.PolynomialChaos(), box)
     low, high = bounds.outer
-    width = rms(upper - lower)
-    assert (rms(np.maximum(np.abs(bounds.lower - lower), np.abs(bounds.upper - upper))) <= 5e-3 * width).all()
+    width = rms(upper - lower, axis=0)
+    assert (rms(errors_of(bounds, lower, upper), axis=0) <= 5e-3 * width).all()
     assert (np.maximum(low - lower, upper - high) <= 2e-3 * width).all()
-    assert (rms(bounds.estimate) <= 1e-2 * width).all() and not bounds.doubts and bounds.evaluations < 500
+    assert (rms(bounds.estimate, axis=0) <= 1e-2 * width).all() and not bounds.doubts and bounds.evaluations < 500
 
 
 KINKS = {
@@ -80,8 +80,7 @@ KINKS = {
 @pytest.mark.parametrize("kink", KINKS)
 def test_a_kink_of_one_parameter_is_found(kink):
     f, most = KINKS[kink]
-    simulator = mb.FunctionSimulator(lambda x: [[float(f(x))]], parameters={"x": 0.0}, times=[0.0], outputs=["y"])
-    bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(x=(-1.0, 1.0)))
+    bounds = black_box_bounds(f, x=(-1.0, 1.0))
     values = f(np.linspace(-1, 1, 200_001))
     low, high = bounds.outer
     width = np.ptp(values)
@@ -98,8 +97,7 @@ def test_kinks_that_move_are_found_or_told_at_each_time(power, n_t, most, at, sp
     def f(x):
         return 1 + 0.3 * np.sin(5 * t + at) - np.abs(x - at - speed * t) ** power
 
-    simulator = mb.FunctionSimulator(f, parameters={"x": 0.5}, times=t, outputs=["y"])
-    bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(x=(0.0, 1.0)))
+    bounds = black_box_bounds(f, None, t, x=(0.0, 1.0))
     low, high = bounds.outer
     lower, upper = f(x).min(axis=0), f(x).max(axis=0)
     assert (np.maximum(low[:, 0] - lower, upper - high[:, 0]) <= 5e-3 * (upper - lower)).all()
@@ -108,9 +106,7 @@ def test_kinks_that_move_are_found_or_told_at_each_time(power, n_t, most, at, sp
 
 @pytest.mark.parametrize("level", [0.13, -0.4])
 def test_a_jump_of_three_parameters_takes_few_runs(level):
-    nominal = dict.fromkeys("abc", 0.0)
-    simulator = mb.FunctionSimulator(lambda a, b, c: [[float(a - 0.7 * b + 0.4 * c > level)]], nominal, [0.0], ["y"])
-    bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(**dict.fromkeys("abc", (-1.0, 1.0))))
+    bounds = black_box_bounds(lambda a, b, c: a - 0.7 * b + 0.4 * c > level, **dict.fromkeys("abc", (-1.0, 1.0)))
     assert bounds.evaluations < 150 and not bounds.doubts
     assert (bounds.lower[0, 0], bounds.upper[0, 0]) == (0, 1)
 
@@ -145,46 +141,33 @@ def test_ensembles_tell_how_many_events_there_were():
     assert events[1, 3] > 20  # at rest since 1.35 s
 
 
-SPRING = mb.KelvinVoigt(1e6)
-
-
-def dropped(end, law=SPRING, up=0.0):
+def dropped(end, law=None, up=0.0):
     """A ball let go 0.05 m above a floor that it presses in, or thrown up [m/s]."""
-    p = mb.Parameters(gap=0.05)
-    ball = mb.Body("ball", 1.0, pose=mb.Particle())
-    floor = mb.Contact("floor", ball.point(0, 0), mb.Ground().point(0, 0), (0, 1), law)
-    system = mb.System(ball, floor, mb.Gravity(0, -G), parameters=p)
-    start = {"ball.x": 0, "ball.y": p.gap, "ball.vx": 0, "ball.vy": up}
-    return mb.Scene(system, start=start, times=np.linspace(0.0, end, 101), outputs={"y": ball.y})
+    machine = ball(lambda m: mb.Contact("floor", m.at, ORIGIN, (0, 1), law or mb.KelvinVoigt(1e6)), gap=0.05)
+    start, box = {"ball.x": 0, "ball.y": machine.p.gap, "ball.vx": 0, "ball.vy": up}, mb.Box(gap=(0.045, 0.055))
+    return machine.scene("y", np.linspace(0.0, end, 101), start, box=box)
 
 
 def test_taylor_tells_from_when_on_a_contact_makes_it_invalid(tmp_path):
-    box = mb.Box(gap=(0.045, 0.055))
-    touch = np.sqrt(2 * 0.05 / G)
-    assert mb.propagate(dropped(0.9 * touch), mb.Taylor(2), box).caution == ""
-    with pytest.warns(mb.SymmbWarning, match="not valid from t = "):
-        bounds = mb.propagate(dropped(0.12), mb.Taylor(2), box)
+    assert mb.propagate(dropped(0.9 * np.sqrt(2 * 0.05 / G)), mb.Taylor(2)).caution == ""
+    bounds = warned("not valid from t = ", mb.propagate, dropped(0.12), mb.Taylor(2))
     since = float(bounds.caution.split("t = ")[1].split(" s")[0])
     assert since == pytest.approx(np.sqrt(2 * 0.045 / G), abs=1e-6)  # of the ball that is nearest
     assert bounds.caution.startswith("not valid") and bounds.caution in str(bounds)
-    bounds.save(tmp_path / "b.npz")
-    assert mb.Bounds.load(tmp_path / "b.npz").caution == bounds.caution
+    assert reloaded(bounds, tmp_path / "b.npz").caution == bounds.caution
 
 
 def test_a_contact_that_stays_open_is_no_kink():
     """However fast the ball leaves: the bracket of the law changes its sign when it slows down below 3.3 m/s."""
     scene = dropped(0.25, mb.HuntCrossley(1e6, 0.8, 1.0), up=5.0)
-    assert mb.propagate(scene, mb.Taylor(2), mb.Box(gap=(0.045, 0.055))).caution == ""
+    assert mb.propagate(scene, mb.Taylor(2)).caution == ""
 
 
 @pytest.mark.parametrize("order", [1, 2, 3])
 def test_taylor_passes_an_impact(order):
     """A ball let go h above a floor has the velocity e v - g (t - T) after T = sqrt(2 h / g), with v = g T."""
-    p, times = mb.Parameters(h=1.0, e=0.8), np.array([0.3, 0.6, 0.8])
-    ball = mb.Body("ball", 1.0, pose=mb.Particle())
-    floor = mb.Impact("floor", gap=ball.y, restitution=p.e)
-    system = mb.System(ball, floor, mb.Gravity(0, -G), parameters=p)
-    scene = mb.Scene(system, {"ball.y": p.h}, [0.0, *times], {"y": ball.y})
+    machine, times = machine_with_floor(restitution=0.8, h=1.0), np.array([0.3, 0.6, 0.8])
+    scene = machine.scene("y", [0.0, *times], {"ball.y": machine.p.h})
     bounds = mb.propagate(scene, mb.Taylor(order), mb.Box(h=(0.99, 1.01)))
     falls = np.sqrt(2 * np.linspace(0.99, 1.01, 201) / G)
     before, after = (G * (falls**2 - times[:, None] ** 2) / 2, times[:, None] - falls)
@@ -195,14 +178,12 @@ def test_taylor_passes_an_impact(order):
 
 
 def test_comparison_tells_which_method_is_not_valid(tmp_path):
-    box = mb.Box(gap=(0.045, 0.055))
-    with pytest.warns(mb.SymmbWarning, match=r"Taylor\(order=2\): The bounds are not valid from t = 0.0957"):
-        found = mb.compare(dropped(0.12), [mb.Taylor(2), mb.Vertex()], box, reference=mb.Scanning(5))
+    told, methods = r"Taylor\(order=2\): The bounds are not valid from t = 0.0957", [mb.Taylor(2), mb.Vertex()]
+    found = warned(told, mb.compare, dropped(0.12), methods, reference=mb.Scanning(5))
     cautions = [row.caution for row in found.rows]
     assert cautions[0].startswith("not valid from t = 0.0957") and not cautions[1]
     assert f"{found.rows[0].name} is not valid from t = 0.0957" in str(found)
-    found.save(tmp_path / "c.json")
-    assert [row.caution for row in mb.Comparison.load(tmp_path / "c.json").rows] == cautions
+    assert [row.caution for row in reloaded(found, tmp_path / "c.json").rows] == cautions
 
 
 def test_a_cusp_beside_a_jump_is_not_missed():
@@ -217,9 +198,9 @@ def test_a_cusp_beside_a_jump_is_not_missed():
         x = motion(a, k)
         return np.column_stack([np.sqrt(np.abs(x)), x > 0.03])
 
-    simulator = mb.FunctionSimulator(outputs, {"a": 0.05, "k": 50.0}, t, ["root", "above"])
     with pytest.warns(mb.SymmbWarning, match="root"):
-        bounds = mb.propagate(simulator, mb.PolynomialChaos(seconds=600.0), mb.Box(a=(-0.02, 0.1), k=(40, 60)))
+        method = mb.PolynomialChaos(seconds=600.0)
+        bounds = black_box_bounds(outputs, method, t, "root above", nominal={"a": 0.05}, a=(-0.02, 0.1), k=(40, 60))
     upper = np.sqrt(np.max([np.abs(motion(0.1, k)) for k in np.linspace(40, 60, 2001)], axis=0))
     errors = np.maximum(bounds.lower[:, 0], np.abs(bounds.upper[:, 0] - upper))
     assert (errors <= bounds.estimate[:, 0] + 1e-2 * upper).mean() > 0.95

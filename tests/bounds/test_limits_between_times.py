@@ -2,6 +2,9 @@
 
 import numpy as np
 import pytest
+from faults import refused
+from machines import ORIGIN, ball, bob, bouncing_ball, spring_mass
+from small_scenes import formulas
 
 import symmb as mb
 
@@ -12,24 +15,20 @@ EXCESS = 1e-3
 """Relative distance of limits from closed forms."""
 
 
-def pendulum(count: int) -> mb.Scene:
+def swung(count: int) -> mb.Scene:
     """A pendulum that starts horizontally. Its largest velocity at the bottom is sqrt(2 g l)."""
-    p = mb.Parameters(l=1.0)
-    bob = mb.Body("bob", 1.0, pose=mb.Particle())
-    rod = mb.Distance("rod", mb.Ground().point(0, 0), bob.point(0, 0), p.l)
-    system = mb.System(bob, rod, mb.Gravity(0, -G), parameters=p)
-    start, times, box = {"bob.x": p.l, "bob.y": 0.0}, np.linspace(0, 2.3, count), mb.Box(l=(0.9, 1.1))
-    return mb.Scene(system, start, times, {"speed": (bob.vx**2 + bob.vy**2) ** 0.5, "height": bob.y}, box)
+    machine = bob()
+    outputs = {"speed": (machine.bob.vx**2 + machine.bob.vy**2) ** 0.5, "height": machine.bob.y}
+    start, box = {"bob.x": machine.p.length, "bob.y": 0.0}, mb.Box(length=(0.9, 1.1))
+    return machine.scene(outputs, np.linspace(0, 2.3, count), start, box=box)
 
 
 def dropped(count: int) -> mb.Scene:
     """A ball that falls on a spring and is thrown back. The force acts for 22 ms."""
-    p = mb.Parameters(k=2e4, h=0.1)
-    ball = mb.Body("ball", 1.0, pose=mb.Particle())
-    floor = mb.Contact("floor", ball.point(0, 0), mb.Ground().point(0, 0), (0, 1, 0), mb.KelvinVoigt(p.k, 0.0))
-    system = mb.System(ball, floor, mb.Gravity(0, -G), parameters=p)
-    outputs, box = {"force": (system.force("floor"), "N")}, mb.Box(k=(1.8e4, 2.2e4), h=(0.095, 0.105))
-    return mb.Scene(system, {"ball.y": p.h}, np.linspace(0, 0.25, count), outputs, box)
+    floor = lambda m: mb.Contact("floor", m.at, ORIGIN, (0, 1, 0), mb.KelvinVoigt(m.p.k, 0.0))  # noqa: E731
+    machine, box = ball(floor, k=2e4, h=0.1), mb.Box(k=(1.8e4, 2.2e4), h=(0.095, 0.105))
+    outputs = {"force": (machine.system.force("floor"), "N")}
+    return machine.scene(outputs, np.linspace(0, 0.25, count), {"ball.y": machine.p.h}, box=box)
 
 
 def largest_force(k: float, h: float) -> float:
@@ -39,7 +38,7 @@ def largest_force(k: float, h: float) -> float:
 
 @pytest.mark.parametrize("count", [2, 3, 4, 6, 11, 12, 17, 40, 101])
 def test_a_run_that_passes_a_limit_between_two_times_violates_it(count):
-    scenes = ((pendulum, "speed", np.sqrt(2 * G * 1.1)), (dropped, "force", largest_force(2.2e4, 0.105)))
+    scenes = ((swung, "speed", np.sqrt(2 * G * 1.1)), (dropped, "force", largest_force(2.2e4, 0.105)))
     for scene, name, most in scenes:
         bounds = mb.propagate(scene(count))
         inside, outside = (bounds.check({name: (None, (1 + sign * EXCESS) * most)})[name] for sign in (-1, 1))
@@ -57,32 +56,28 @@ def test_the_worst_case_is_the_run_that_passes_the_limit():
 @pytest.mark.parametrize("count", [2, 3, 5, 8, 12, 31])
 def test_tolerances_do_not_depend_on_the_number_of_times(count):
     """The limits are reached at l = 1.05 and at k = 2.1e4, h = 0.1025 (closed forms)."""
-    half = mb.tolerances(pendulum(count), {"speed": (None, np.sqrt(2 * G * 1.05))})
-    assert half.factor == pytest.approx(0.5, rel=0.01) and half.check.kept
-    half = mb.tolerances(dropped(count), {"force": (None, largest_force(2.1e4, 0.1025))})
-    assert half.factor == pytest.approx(0.5, rel=0.01) and half.check.kept
+    scenes = ((swung, "speed", np.sqrt(2 * G * 1.05)), (dropped, "force", largest_force(2.1e4, 0.1025)))
+    for scene, name, most in scenes:
+        half = mb.tolerances(scene(count), {name: (None, most)})
+        assert half.factor == pytest.approx(0.5, rel=0.01) and half.check.kept
 
 
 def test_the_nominal_run_passes_a_limit_between_two_times():
-    with pytest.raises(
-        mb.PropagationError, match=r"the nominal run violates or reaches the limit 4 m/s of speed: 4\.429"
-    ):
-        mb.tolerances(pendulum(2), {"speed": (None, 4.0)})
+    told = r"the nominal run violates or reaches the limit 4 m/s of speed: 4\.429"
+    refused(told, mb.tolerances, swung(2), {"speed": (None, 4.0)}, error=mb.PropagationError)
 
 
 def test_limits_far_away_have_no_remark():
     bounds = mb.propagate(dropped(11))
     assert not bounds.check({"force": (None, 1.2 * largest_force(2.2e4, 0.105))}).remarks
-    assert not mb.propagate(pendulum(5)).check({"height": (-1.2, 0.1)}).remarks
+    assert not mb.propagate(swung(5)).check({"height": (-1.2, 0.1)}).remarks
 
 
-def bouncing(times: np.ndarray, restitution: float) -> mb.Scene:
-    """A ball that falls from the height h, and is thrown back with a part of its speed sqrt(2 g h)."""
-    p = mb.Parameters(h=0.7, e=restitution)
-    ball = mb.Body("ball", 0.4, pose=mb.Particle())
-    system = mb.System(ball, mb.Impact("floor", ball.y, p.e), mb.Gravity(0, -G), parameters=p)
-    box = mb.Box.plus_minus(p, h="3%", e="4%")
-    return mb.Scene(system, {"ball.y": p.h}, times, {"v": ball.vy, "y": ball.y}, box)
+def bouncing(times, restitution, output="v", /, **plus_minus) -> mb.Scene:
+    """A ball that falls from the height h = 0.7 m, and is thrown back with a part of its speed sqrt(2 g h)."""
+    machine = bouncing_ball(mass=0.4, restitution=restitution, h=0.7)
+    outputs, box = {"v": machine.ball.vy, "y": machine.ball.y}, mb.Box.plus_minus(machine.p, **plus_minus)
+    return machine.scene({key: outputs[key] for key in output.split()}, times, {"ball.y": machine.p.h}, box=box)
 
 
 @pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
@@ -91,15 +86,12 @@ def test_speeds_at_impacts_count(seed):
     """The speed is largest at the instant of an impact, which is no output time."""
     rng = np.random.default_rng(seed)
     times, e = np.sort([0.0, *rng.uniform(0.05, 0.85, rng.integers(1, 9)), 0.9]), rng.uniform(0.4, 0.8)
-    scene, wider = bouncing(times, e), rng.uniform(0.7, 2.5)
+    scene, wider = bouncing(times, e, "v y", h="3%", restitution="4%"), rng.uniform(0.7, 2.5)
     fastest = np.sqrt(2 * G * 0.7 * (1 + 0.03 * wider))
-    for limits, most in (
-        ({"v": (-fastest, None)}, fastest),
-        ({"v": (None, fastest * e * (1 + 0.04 * wider))}, fastest),
-    ):
-        found = mb.tolerances(scene, limits)
-        assert found.factor == pytest.approx(wider, rel=0.01) and found.check.kept
-        assert found.binding is not None and found.binding.parameters["h"] == pytest.approx(most**2 / 2 / G, rel=1e-3)
+    for pair in ((-fastest, None), (None, fastest * e * (1 + 0.04 * wider))):
+        found = mb.tolerances(scene, {"v": pair})
+        assert found.factor == pytest.approx(wider, rel=0.01) and found.check.kept and found.binding is not None
+        assert found.binding.parameters["h"] == pytest.approx(fastest**2 / 2 / G, rel=1e-3)
     bounds = mb.propagate(scene)
     assert bounds.check({"y": (1e-6, None)})["y"].kept is False  # each run touches the floor
     assert bounds.check({"y": (-1e-6, None)})["y"].kept is not False
@@ -109,11 +101,7 @@ def test_speeds_at_impacts_count(seed):
 @pytest.mark.parametrize(("count", "share"), [(46, 6), (91, 3), (181, 6)])
 def test_a_violation_is_told_by_the_fastest_impact(count, share):
     """Bounds at output times have an error at impacts. The excess of a limit must not depend on it."""
-    p = mb.Parameters(h=0.7, e=0.6, g=G)
-    ball = mb.Body("ball", 0.4, pose=mb.Particle())
-    system = mb.System(ball, mb.Impact("floor", ball.y, p.e), mb.Gravity(0, -p.g), parameters=p)
-    box = mb.Box.plus_minus(p, h=f"{share}%", e="4%", g="3%")
-    bounds = mb.propagate(mb.Scene(system, {"ball.y": p.h}, np.linspace(0, 0.9, count), {"v": ball.vy}, box))
+    bounds = mb.propagate(bouncing(np.linspace(0, 0.9, count), 0.6, h=f"{share}%", restitution="4%", g="3%"))
     fastest = np.sqrt(2 * G * 1.03 * 0.7 * (1 + share / 100))
     for part in (0.9, 0.98):
         check = bounds.check({"v": (-part * fastest, None)})
@@ -122,23 +110,21 @@ def test_a_violation_is_told_by_the_fastest_impact(count, share):
 
 
 def test_both_ends_are_told():
-    check = mb.propagate(pendulum(3)).check({"height": (-1.0, -0.02)})
+    check = mb.propagate(swung(3)).check({"height": (-1.0, -0.02)})
     assert check.kept is False and len(check.remarks) == 1
     assert "In other cases height may exceed its limit of -0.02" in check.remarks[0]
 
 
 def test_more_than_a_thousand_times_are_divided():
     """The oscillator is at zero at all output times."""
-    p = mb.Parameters(v=2.0)
-    mass = mb.Body("mass", 1.0, pose=mb.Particle())
-    system = mb.System(mass, mb.Force("spring", mass.point(0, 0), (-((6 * np.pi) ** 2) * mass.x, 0)), parameters=p)
-    scene = mb.Scene(system, {"mass.vx": p.v}, np.arange(1100) / 6, {"x": mass.x}, mb.Box(v=(1.9, 2.1)))
+    machine = spring_mass(stiffness=(6 * np.pi) ** 2, v=2.0)
+    scene = machine.scene("x", np.arange(1100) / 6, {"ball.vx": machine.p.v}, box=mb.Box(v=(1.9, 2.1)))
     limit = mb.propagate(scene).check({"x": (None, 2.05 / (6 * np.pi))})["x"]
     assert limit.kept is False and limit.margin.min() == pytest.approx(-0.05 / (6 * np.pi), rel=1e-3)
 
 
 def test_tolerances_with_costs_are_no_dearer_than_with_one_factor():
-    scene = pendulum(2)
+    scene = swung(2)
     limits = {"speed": (None, np.sqrt(2 * G * 1.05))}
     assert mb.tolerances(scene, limits, costs={}).cost == pytest.approx(2.0, rel=0.01)
 
@@ -146,10 +132,7 @@ def test_tolerances_with_costs_are_no_dearer_than_with_one_factor():
 @pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
 def test_infinite_bounds_have_infinite_margins():
     """The enclosure of 1 / k^2 is infinite if the interval of k contains 0."""
-    p = mb.Parameters(k=1.0)
-    mass = mb.Body("mass", 1.0, pose=mb.Particle())
-    system = mb.System(mass, mb.Gravity(0, -G), parameters=p)
-    scene = mb.Scene(system, times=[0.0, 0.5, 1.0], outputs={"x": mb.t / p.k**2}, box=mb.Box(k=(-1.0, 2.0)))
+    scene = formulas(lambda p: {"x": mb.t / p.k**2}, [0.0, 0.5, 1.0], k=(-1.0, 2.0))
     bounds = mb.propagate(scene, mb.TaylorModel())
     assert np.isinf(bounds.upper).any()
     for limits in ((None, 0.5), (-0.5, 0.5), (-1.0, None)):

@@ -1,14 +1,12 @@
 """Each output of a study is judged by itself: it is bounded among many others as well as alone."""
 
-import warnings
-
 import numpy as np
 import pytest
-from unit_functions import unit_function
+from black_boxes import quietly, unit_bounds
 
 import symmb as mb
 
-T = np.linspace(0.0, 1.0, 60)
+T, PATIENT = np.linspace(0.0, 1.0, 60), mb.PolynomialChaos(seconds=600.0)
 LAWS = {
     "kink": np.abs,
     "clipped": lambda z: np.clip(3 * z, -1, 1),
@@ -31,9 +29,7 @@ def test_a_hard_output_among_smooth_ones_is_bounded(law, d, seed):
         Y[:, 0] = law(s[0] - c) * (1 + T)
         return Y
 
-    simulator, box = unit_function(f, d, T, [f"y{k}" for k in range(20)])
-    with warnings.catch_warnings(action="ignore", category=mb.SymmbWarning):
-        bounds = mb.propagate(simulator, mb.PolynomialChaos(seconds=600.0), box)
+    bounds = quietly(unit_bounds, f, d, PATIENT, T, [f"y{k}" for k in range(20)])
     values = law(np.linspace(-1, 1, 20_001) - c)
     error = np.abs([bounds.lower[-1, 0] / 2 - values.min(), bounds.upper[-1, 0] / 2 - values.max()]).max()
     assert error <= 0.02 * np.ptp(values) or bounds.doubts
@@ -48,13 +44,8 @@ def test_a_smooth_output_does_not_pay_for_a_kink(d, seed):
     def f(x):
         return np.stack([np.exp(a @ x + T), np.abs(b @ x - T) * np.sin(3 * b @ x)], axis=1)
 
-    def study(f, outputs):
-        simulator, box = unit_function(f, d, T, outputs)
-        return mb.propagate(simulator, mb.PolynomialChaos(seconds=600.0), box)
-
-    with warnings.catch_warnings(action="ignore", category=mb.SymmbWarning):
-        both = study(f, ["smooth", "kink"])
-        own = study(lambda x: f(x)[:, :1], ["smooth"])
+    both = quietly(unit_bounds, f, d, PATIENT, T, ["smooth", "kink"])
+    own = quietly(unit_bounds, lambda x: f(x)[:, :1], d, PATIENT, T, ["smooth"])
     width = own.upper - own.lower
     for bounds in (both, own):
         assert (np.abs(bounds.lower[:, :1] - np.exp(T - a.sum())[:, None]) < 0.01 * width).all()

@@ -1,5 +1,6 @@
 """One oscillator with closed-form bounds against every method."""
 
+import itertools
 import pickle
 
 import numpy as np
@@ -96,26 +97,35 @@ def test_what_is_no_parameter_and_no_method_is_told():
     refused("propagate: got the class Vertex; call it", propagate, Wave(), Vertex, BOX)
 
 
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (lambda: MonteCarlo(0), "samples must be an integer of at least 1"),
-        (lambda: MonteCarlo(1.5), "got 1.5"),
-        (lambda: PolynomialChaos(order=0), "order must be an integer"),
-        (lambda: PolynomialChaos(order=2, budget=10), "Leave out order"),
-        (lambda: PolynomialChaos(lockstep=True), "give order"),
-        (lambda: PolynomialChaos(tolerance=0.0), "tolerance must be a number above 0 and below 1"),
-        (lambda: Taylor(0), "order must be an integer of at least 1"),
-        (lambda: Taylor(subintervals=0), "subintervals must be an integer of at least 1"),
-        (lambda: Optimization(budget=0), "budget must be an integer of at least 1"),
-        (lambda: Optimization(tolerance=1), "tolerance must be a number above 0 and below 1, got 1"),
-        (lambda: Swarm(particles=0), "particles must be an integer of at least 1"),
-        (lambda: Swarm(steps=0), "steps must be an integer of at least 1"),
-        (lambda: Swarm(seed=-1), "seed must be an integer of at least 0"),
-    ],
-)
-def test_options_out_of_range(make, message):
-    refused(message, make)
+WHOLE, SHARE = "must be an integer of at least 1", "tolerance must be a number above 0 and below 1"
+OPTIONS = [
+    (MonteCarlo, {"samples": [0]}, f"samples {WHOLE}"), (MonteCarlo, {"samples": [1.5]}, "got 1.5"),
+    (PolynomialChaos, {"order": [0]}, "order must be an integer"),
+    (PolynomialChaos, {"order": [2], "budget": [10]}, "Leave out order"),
+    (PolynomialChaos, {"lockstep": [True]}, "give order"), (PolynomialChaos, {"tolerance": [0.0]}, SHARE),
+    (PolynomialChaos, {"seconds": [0, -1.0, np.nan, "1", True]}, "seconds must be a number above 0"),
+    (PolynomialChaos, {"probes": [-1, 1.5]}, "probes"), (PolynomialChaos, {"probes": [10], "order": [3]}, "probes"),
+    (PolynomialChaos, {"range": [symmb.LegendreInclusion()]}, "chooses nodes, basis and range itself"),
+    *(  # NumPy has a function `indices`, which is what a basis must have
+        (PolynomialChaos, {"order": [2], name: [np]}, f"{name} must be an object such as")
+        for name in ("nodes", "basis", "range")
+    ),
+    (Taylor, {"order": [0]}, f"order {WHOLE}"), (Taylor, {"subintervals": [0]}, f"subintervals {WHOLE}"),
+    (symmb.TaylorModel, {"order": [0, 2.5]}, WHOLE), (symmb.TaylorModel, {"boxes": [0]}, WHOLE),
+    (Optimization, {"budget": [0]}, f"budget {WHOLE}"), (Optimization, {"tolerance": [1]}, f"{SHARE}, got 1"),
+    (Swarm, {"particles": [0]}, f"particles {WHOLE}"), (Swarm, {"steps": [0]}, f"steps {WHOLE}"),
+    (Swarm, {"seed": [-1]}, "seed must be an integer of at least 0"),
+    (symmb.Exact, {"budget": [0]}, "integer of at least 1"),
+    (symmb.Exact, {"tolerance": [0.0, 1.0, np.nan]}, "at least 1e-12 and below 1"),
+    (symmb.Bernstein, {"boxes": [0, 1.5]}, "integer of at least 1"),
+    (symmb.HyperbolicCross, {"q": [0, -0.5, 1.5, np.nan]}, "^HyperbolicCross: q must be .* above 0 and at most 1, got"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("make", "options", "message"), OPTIONS)
+def test_options_out_of_range(make, options, message):
+    for values in itertools.product(*options.values()):
+        refused(message, make, **dict(zip(options, values, strict=True)))
 
 
 def test_a_method_of_ones_own_needs_one_function():

@@ -5,8 +5,10 @@ import time
 
 import numpy as np
 import pytest
+from black_boxes import black_box, black_box_bounds, unit_bounds
+from faults import refused, warned
+from machines import ball
 from numpy.testing import assert_allclose
-from unit_functions import unit_function
 
 import symmb as mb
 
@@ -19,8 +21,12 @@ def random_looking(a, b):
     return 2 * np.modf(np.abs(1e4 * np.sin(1e5 * a + 3e4 * b + 77 * T)))[0] - 1
 
 
-def simulator(f, noise=None, outputs=("x", "other")):
-    return mb.FunctionSimulator(f, {"a": 1.0, "b": 1.0}, T, outputs, noise=noise)
+def simulator(f, noise=None, outputs="x", times=T):
+    return black_box(f, times, outputs, noise, a=(0.9, 1.1), b=(0.9, 1.1))[0]
+
+
+def study(f, noise=None, outputs="x", method=None, times=T):
+    return mb.propagate(simulator(f, noise, outputs, times), method, BOX)
 
 
 def estimated(estimate, upper=None):
@@ -34,8 +40,7 @@ def test_an_output_of_rounding_noise_costs_nothing_and_is_not_doubtful(noise):
     def f(a, b):
         return np.stack([np.sin(a + b + T), 1e-13 * random_looking(a, b)], axis=1)
 
-    bounds = mb.propagate(simulator(f, noise), mb.PolynomialChaos(), BOX)
-    alone = mb.propagate(simulator(lambda a, b: np.sin(a + b + T), outputs=("x",)), mb.PolynomialChaos(), BOX)
+    bounds, alone = study(f, noise, "x other"), study(lambda a, b: np.sin(a + b + T))
     assert bounds.evaluations <= alone.evaluations + 5 and not bounds.doubts
     moments = bounds.moments()
     assert np.isnan(moments.first[:, :, 1]).all() and (moments.variance[:, 1] == 0).all()
@@ -44,10 +49,8 @@ def test_an_output_of_rounding_noise_costs_nothing_and_is_not_doubtful(noise):
 
 @pytest.mark.parametrize("level", [1e-6, 1e-4, 1e-2])
 def test_noise_is_not_refined(level):
-    def f(a, b):
-        return np.exp(a * b * T) + level * random_looking(a, b)
-
-    bounds = mb.propagate(simulator(f, outputs=("x",)), mb.PolynomialChaos(tolerance=1e-3), BOX)
+    f = lambda a, b: np.exp(a * b * T) + level * random_looking(a, b)  # noqa: E731
+    bounds = study(f, method=mb.PolynomialChaos(tolerance=1e-3))
     assert bounds.evaluations < 60
     assert bounds.noise is not None and bounds.noise[0] < 6 * level
     assert level < 1e-2 or bounds.noise[0] > level / 3
@@ -57,16 +60,14 @@ def test_noise_is_not_refined(level):
 
 def test_a_box_of_no_width_is_bounded_by_its_point():
     box = mb.Box(a=(1.0, 1.0), b=(1.0, 1.0))
-    bounds = mb.propagate(simulator(lambda a, b: a * T, outputs=("x",)), mb.PolynomialChaos(), box)
+    bounds = mb.propagate(simulator(lambda a, b: a * T), mb.PolynomialChaos(), box)
     assert not bounds.doubts and bounds.evaluations < 20
     assert_allclose(bounds.lower[:, 0], T)
 
 
 def test_scenes_tell_the_noise_of_their_runs():
-    body = mb.Body("ball", 1.0, pose=mb.Particle())
-    p = mb.Parameters(g=9.81)
-    system = mb.System(body, mb.Gravity(0, -p.g), parameters=p)
-    scene = mb.Scene(system, {"ball.y": 2.0}, T, {"y": body.y, "nothing": body.x * 1e-3})
+    machine = ball()
+    scene = machine.scene({"y": machine.ball.y, "nothing": machine.ball.x * 1e-3}, T, {"ball.y": 2.0})
     noise, tighter = (mb.prepare(scene, mb.DormandPrince(rtol=rtol)).noise for rtol in (1e-6, 1e-9))
     assert 0 < noise[0] < 1e-5 and noise[1] == 0
     assert_allclose(noise, 1e3 * tighter)
@@ -75,7 +76,7 @@ def test_scenes_tell_the_noise_of_their_runs():
 def test_a_simulator_takes_its_time_to_tell_its_noise():
     """A scene is compiled for it: the study is not late then."""
 
-    quick = simulator(lambda a, b: T * np.cos(20 * (a + b)), outputs=("x",))
+    quick = simulator(lambda a, b: T * np.cos(20 * (a + b)))
 
     class Slow:
         times, outputs, parameters, run, stream = T, ("x",), quick.parameters, quick.run, quick.stream
@@ -92,14 +93,11 @@ def test_a_simulator_takes_its_time_to_tell_its_noise():
 
 @pytest.mark.parametrize("noise", [{"z": 1.0}, {"x": -1.0}, {"x": np.nan}, 1e-3])
 def test_malformed_noise_is_refused(noise):
-    with pytest.raises(mb.DeclarationError, match="noise"):
-        simulator(lambda a, b: T, noise, outputs=("x",))
+    refused("noise", simulator, lambda a, b: T, noise)
 
 
 def test_a_pulse_is_doubtful_in_its_window():
-    estimate = np.full((200, 1), 1e-3)
-    estimate[100:104] = 0.3
-    bounds = estimated(estimate)
+    bounds = estimated(1e-3 + 0.299 * np.isin(np.arange(200.0)[:, None], np.arange(100, 104)))
     (window,) = bounds.doubtful_windows()
     assert window[0] == "x" and 97 <= window[1] <= 100 and 103 <= window[2] <= 106
     assert not bounds.doubtful()
@@ -111,7 +109,7 @@ def test_what_has_died_out_is_not_doubtful():
     def f(a, b):
         return np.exp(-(3 + 5 * (a - 1)) * t) * np.cos((9 + 20 * (b - 1)) * t)
 
-    bounds = mb.propagate(mb.FunctionSimulator(f, {"a": 1.0, "b": 1.0}, t, ["x"]), mb.PolynomialChaos(), BOX)
+    bounds = study(f, times=t)
     width = bounds.upper - bounds.lower
     assert bounds.estimate is not None and (bounds.estimate > 0.1 * width).any() and width[-1] < 1e-6 * width.max()
     assert not bounds.doubts
@@ -144,8 +142,7 @@ def test_failed_points_are_run_once_and_those_near_them_bounded_by_what_runs_att
             raise ValueError("no convergence")
         return np.exp(5 * a + 10 * b) * (1 + T)
 
-    with pytest.warns(mb.SymmbWarning, match="responses near the failed runs are not known"):
-        bounds = mb.propagate(simulator(f, outputs=("x",)), mb.PolynomialChaos(), BOX)
+    bounds = warned("responses near the failed runs are not known", study, f)
     assert len(points) == len(set(points)) == bounds.evaluations < 100
     assert bounds.inner is not None
     assert (bounds.upper == bounds.inner[1]).all()
@@ -154,7 +151,7 @@ def test_failed_points_are_run_once_and_those_near_them_bounded_by_what_runs_att
 def test_a_told_noise_above_the_response_is_doubtful():
     for method in mb.PolynomialChaos(), mb.PolynomialChaos(order=3), mb.MonteCarlo(20, seed=0):
         with pytest.warns(mb.SymmbWarning, match="than the width of x. The true width is not known.$"):
-            mb.propagate(simulator(lambda a, b: np.stack([a * T, b * T], 1), {"x": 5.0, "other": 0.01}), method, BOX)
+            study(lambda a, b: np.stack([a * T, b * T], 1), {"x": 5.0, "other": 0.01}, "x other", method)
 
 
 def test_an_estimate_that_is_the_noise_itself_is_not_doubtful():
@@ -163,10 +160,10 @@ def test_an_estimate_that_is_the_noise_itself_is_not_doubtful():
     for noise in 10 ** np.random.default_rng(3).uniform(-9, -6, 200):
         estimate = np.full((len(times), 1), noise)
         zero = np.zeros_like(estimate)
-        bounds = mb.Bounds(times, ("y",), zero, zero, "estimate", "a method", 9, estimate, np.array([noise]))
-        assert not bounds.doubtful() and not bounds.doubtful_windows()
-        louder = mb.Bounds(times, ("y",), zero, zero, "estimate", "a method", 9, 1.01 * estimate, np.array([noise]))
-        assert louder.doubtful() and louder.doubtful_windows()
+        for factor in (1.0, 1.01):
+            own = factor * estimate, np.array([noise])
+            bounds = mb.Bounds(times, ("y",), zero, zero, "estimate", "a method", 9, *own)
+            assert bool(bounds.doubtful()) == bool(bounds.doubtful_windows()) == (factor > 1)
 
 
 METHODS = mb.PolynomialChaos(), mb.PolynomialChaos(order=4), mb.PolynomialChaos.paper(2)
@@ -177,7 +174,7 @@ def test_a_given_order_respects_a_told_noise(method):
     def f(a, b):
         return np.stack([a * b + T, 3.0 + 1e-3 * random_looking(a, b)], axis=1)
 
-    bounds = mb.propagate(simulator(f, {"other": 1e-3}), method, BOX)
+    bounds = study(f, {"other": 1e-3}, "x other", method)
     assert bounds.noise is not None and bounds.noise[1] == 1e-3 and bounds.inner is not None
     assert (bounds.lower[:, 1] == bounds.inner[0][:, 1]).all() and (bounds.upper[:, 1] == bounds.inner[1][:, 1]).all()
     moments = bounds.moments()
@@ -189,7 +186,7 @@ def test_a_given_order_respects_a_told_noise(method):
 @pytest.mark.parametrize("method", METHODS, ids=repr)
 def test_a_parameter_of_no_width_has_no_share(method):
     rng = np.random.default_rng(0)
-    noisy = simulator(lambda a, b: a * b * T + rng.uniform(-1e-2, 1e-2, len(T)), outputs=("x",))
+    noisy = simulator(lambda a, b: a * b * T + rng.uniform(-1e-2, 1e-2, len(T)))
     moments = mb.propagate(noisy, method, mb.Box(a=(0.9, 1.1), b=(1.0, 1.0))).moments()
     assert (moments.first[1] == 0).all() and (moments.total[1] == 0).all()
     assert_allclose(moments.first[0], 1.0)
@@ -204,9 +201,7 @@ def test_estimates_near_failed_points_cover_what_is_predicted_there(d, times):
         mean = sum(x) / d
         return np.exp(2 * mean) * (1 + times) if mean < 0.7 else np.full(len(times), np.nan)
 
-    failing, box = unit_function(f, d, times, ["x"])
-    with pytest.warns(mb.SymmbWarning, match="above 10 % of the width: x"):
-        bounds = mb.propagate(failing, mb.PolynomialChaos(), box)
+    bounds = warned("above 10 % of the width: x", unit_bounds, f, d, None, times, ["x"])
     assert bounds.inner is not None and (bounds.upper == bounds.inner[1]).all()
     assert (bounds.outer[1][:, 0] > np.exp(1.4) * (1 + times)).all()
     assert bounds.doubtful() == {"x": 0.0} and [name for name, *_ in bounds.doubtful_windows()] == ["x"]
@@ -219,15 +214,15 @@ def uniform(*x):
 
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-3])
 def test_noise_of_one_parameter_is_measured(tolerance):
-    noisy = mb.FunctionSimulator(lambda a: [[np.sin(3 * a) + 0.1 * uniform(a)]], {"a": 0.0}, [0.0], ["y"])
-    bounds = mb.propagate(noisy, mb.PolynomialChaos(tolerance=tolerance), mb.Box(a=(-1.0, 1.0)))
+    method = mb.PolynomialChaos(tolerance=tolerance)
+    bounds = black_box_bounds(lambda a: np.sin(3 * a) + 0.1 * uniform(a), method, a=(-1.0, 1.0))
     assert bounds.evaluations < 100
     assert bounds.noise is not None and 0.05 < bounds.noise[0] < 0.4
 
 
 @pytest.mark.parametrize("d", [1, 3, 6])
 def test_noise_of_an_output_does_not_spoil_another(d):
-    simulator, box = unit_function(lambda x: [np.exp(x.mean()), 1 + 1e-9 * uniform(*x)], d, outputs=["smooth", "noisy"])
-    bounds = mb.propagate(simulator, mb.PolynomialChaos(seconds=600.0), box)
+    f, method = lambda x: [np.exp(x.mean()), 1 + 1e-9 * uniform(*x)], mb.PolynomialChaos(seconds=600.0)
+    bounds = unit_bounds(f, d, method, outputs=["smooth", "noisy"])
     assert bounds.evaluations < 200 and not bounds.doubts
     assert_allclose(bounds.upper[0], [np.e, 1], rtol=1e-2)

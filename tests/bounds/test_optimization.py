@@ -4,6 +4,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
+from faults import refused, warned
 from oscillators import BOX, TIMES, Wave, wave_bounds
 from problems import read
 
@@ -12,6 +13,8 @@ from models.double_pendulum import scene
 from symmb import Box, Optimization, propagate
 from symmb.bound.bounds.quadratic_models import _box_minima, quadratics
 from symmb.connect.simulator import Ensemble, stream
+
+SQUARE, ABOVE = Box(a=(-1, 1), b=(-1, 1)), "estimated error is above 10 % of the width"
 
 
 def _quadratic(rng, d, m):
@@ -114,7 +117,7 @@ class Valley:
 
 def test_minima_inside_are_found_and_every_run_is_counted():
     valley = Valley()
-    result = propagate(valley, Optimization(), Box(a=(-1, 1), b=(-1, 1)))
+    result = propagate(valley, Optimization(), SQUARE)
     assert result.evaluations == valley.runs <= 300
     highest = np.max([valley._y(a, b) for a in (-1, 1) for b in (-1, 1)], axis=0)
     np.testing.assert_allclose(result.upper[:, 0], highest, rtol=1e-14)
@@ -123,10 +126,8 @@ def test_minima_inside_are_found_and_every_run_is_counted():
 
 
 def test_the_estimate_falls_with_the_budget():
-    box = Box(a=(-1, 1), b=(-1, 1))
-    with pytest.warns(mb.SymmbWarning, match="estimated error is above 10 % of the width"):
-        few = propagate(Valley(), Optimization(20), box)
-    more = propagate(Valley(), Optimization(100), box)
+    few = warned(ABOVE, propagate, Valley(), Optimization(20), SQUARE)
+    more = propagate(Valley(), Optimization(100), SQUARE)
     assert few.evaluations <= 20 and more.evaluations <= 100
     assert more.estimate.max() < 0.1 * few.estimate.max()
 
@@ -160,11 +161,10 @@ def test_a_monotone_output_needs_the_corners_only():
             return self.centers + a - 2 * b
 
         def jets(self, p0, directions, order):
-            return np.stack([self._y(*p0.T[..., None]), np.tile(directions @ [[1.0], [-2.0]], len(self.centers))])[
-                ..., None
-            ]
+            slopes = np.tile(directions @ [[1.0], [-2.0]], len(self.centers))
+            return np.stack([self._y(*p0.T[..., None]), slopes])[..., None]
 
-    result = propagate(Plane(), Optimization(), Box(a=(-1, 1), b=(-1, 1)))
+    result = propagate(Plane(), Optimization(), SQUARE)
     assert result.evaluations == 15
     expected = np.add.outer([-3.0, 3.0], Plane().centers)[..., None]
     np.testing.assert_allclose([result.lower, result.upper], expected, atol=1e-14)
@@ -172,17 +172,15 @@ def test_a_monotone_output_needs_the_corners_only():
 
 
 def test_failed_runs_are_told():
-    with pytest.warns(mb.SymmbWarning, match=r"\d of \d+ runs failed"):
-        result = propagate(Valley(broken=0.1), Optimization(budget=40), Box(a=(-1, 1), b=(-1, 1)))
+    result = warned(r"\d of \d+ runs failed", propagate, Valley(broken=0.1), Optimization(budget=40), SQUARE)
     assert result.failed and all(run.parameters["a"] >= 0.1 for run in result.failed)
     assert np.isfinite(result.lower).all() and np.isfinite(result.upper).all()
 
 
 def test_a_budget_below_one_run_with_derivatives():
-    with pytest.raises(mb.PropagationError, match=r"in 2 parameters counts as 3.*Give a budget of at least 6"):
-        propagate(Wave(), Optimization(budget=5), BOX)
-    with pytest.warns(mb.SymmbWarning, match="estimated error is above 10 % of the width"):
-        assert propagate(Wave(), Optimization(budget=6), BOX).evaluations <= 6
+    told = r"in 2 parameters counts as 3.*Give a budget of at least 6"
+    refused(told, propagate, Wave(), Optimization(budget=5), BOX, error=mb.PropagationError)
+    assert warned(ABOVE, propagate, Wave(), Optimization(budget=6), BOX).evaluations <= 6
 
 
 def test_bounds_of_the_double_pendulum():

@@ -1,24 +1,22 @@
 """Pulses and switches of time that parameters move: bounds are right, or they are doubtful."""
 
-import warnings
-
 import casadi as ca
 import numpy as np
 import pytest
+from black_boxes import black_box_bounds, errors_of, quietly, unit_bounds
+from faults import warned
+from machines import ball
 from numpy.testing import assert_allclose
-from unit_functions import unit_function
 
 import symmb as mb
 
 pytestmark = pytest.mark.usefixtures("optimised")
 
 
-def hit(law, nominal, times=(0.0, 4.0, 8.0), **start):
+def hit(law, nominal, times=(0.0, 4.0, 8.0)):
     """A mass of 1 kg at rest under a force, a function of parameters."""
-    p = mb.Parameters(**nominal)
-    mass = mb.Body("mass", 1.0, pose=mb.Particle())
-    system = mb.System(mass, mb.Force("push", mass.point(0, 0), (law(p), 0)), parameters=p)
-    return mb.Scene(system, start=start, times=times, outputs={"v": mass.vx})
+    machine = ball(lambda m: mb.Force("push", m.at, (law(m.p), 0)), g=None, **nominal)
+    return machine.scene({"v": machine.ball.vx}, times)
 
 
 def agnesi(p):
@@ -28,8 +26,7 @@ def agnesi(p):
 
 def test_taylor_tells_of_switches_of_time_that_parameters_move():
     scene = hit(lambda p: ca.if_else(mb.t > p.begin, 1.0, 0.0), {"begin": 3.9})
-    with pytest.warns(mb.SymmbWarning, match="kinks or jumps"):
-        mb.propagate(scene, mb.Taylor(), mb.Box(begin=(3.6, 4.2)))
+    warned("kinks or jumps", mb.propagate, scene, mb.Taylor(), mb.Box(begin=(3.6, 4.2)))
 
 
 def test_taylor_says_nothing_of_switches_of_time_that_stay():
@@ -48,8 +45,8 @@ def test_runs_follow_pulses_at_their_own_parameters(width):
 
 def test_pulses_at_a_corner_of_the_box_are_doubtful():
     scene = hit(agnesi, {"width": 1.0})
-    with pytest.warns(mb.SymmbWarning, match="pulse that is shorter than the steps of the solver"):
-        bounds = mb.propagate(scene, mb.MonteCarlo(50, seed=0), mb.Box(width=(1e-3, 1.0)))
+    told, box = "pulse that is shorter than the steps of the solver", mb.Box(width=(1e-3, 1.0))
+    bounds = warned(told, mb.propagate, scene, mb.MonteCarlo(50, seed=0), box)
     assert any("width = 0.001" in doubt for doubt in bounds.doubts)
 
 
@@ -61,19 +58,13 @@ def test_smooth_pulses_of_any_width_in_a_box_are_neither_missed_nor_doubtful():
     box = mb.Box(impulse=(0.9, 1.1), width=(1e-5, 1e-2), at=(1.0, 3.0))
     for method in mb.Scanning(3), mb.PolynomialChaos():
         bounds = mb.propagate(scene, method, box)
-        assert_allclose(bounds.lower[1:], 0.9, atol=1e-6)
-        assert_allclose(bounds.upper[1:], 1.1, atol=1e-6)
-        assert not bounds.doubts
+        assert errors_of(bounds, 0.9, 1.1)[1:].max() < 1e-6 and not bounds.doubts
 
 
 def test_errors_of_motions_with_a_period_of_four_output_times_are_estimated():
     i = np.arange(1001)
-
-    def motion(a, b):
-        return np.sin(np.pi / 2 * i)[:, None] * np.exp(np.sin(2 * a + b))
-
-    simulator = mb.FunctionSimulator(motion, parameters={"a": 0.0, "b": 0.0}, times=i, outputs=["y"])
-    bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(a=(-1, 1), b=(-1, 1)))
+    motion = lambda a, b: np.sin(np.pi / 2 * i) * np.exp(np.sin(2 * a + b))  # noqa: E731
+    bounds = black_box_bounds(motion, None, i, a=(-1, 1), b=(-1, 1))
     error = np.abs(bounds.upper[1::4, 0] - np.e)  # sin(2 a + b) reaches 1
     assert error.min() > 1e-5
     assert (bounds.estimate[1::4, 0] >= error).mean() > 0.99
@@ -86,8 +77,7 @@ def test_pulses_between_the_times_at_which_errors_are_estimated_are_bounded():
     def motion(a):
         return np.stack([a * np.sin(6e-3 * times), in_pulse / (1 + 100 * (a - 0.3) ** 2)], axis=1)
 
-    simulator = mb.FunctionSimulator(motion, parameters={"a": 0.0}, times=times, outputs=["y", "z"])
-    bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(a=(-1, 1)))
+    bounds = black_box_bounds(motion, None, times, "y z", a=(-1, 1))
     assert_allclose(bounds["z"][1][in_pulse], 1, atol=0.01)
 
 
@@ -103,9 +93,7 @@ def test_impacts_that_move_past_output_times_are_bounded_at_each_of_them(seed):
         since = times - (1 + delay / 2 + delay**2 / 10)[..., None]
         return np.where(since > 0, (1 + 0.3 * (x @ strong - off))[..., None] * np.exp(-20 * np.maximum(since, 0)), 0)
 
-    simulator, box = unit_function(lambda x: force(x)[:, None], d, times, ["force"])
-    with warnings.catch_warnings(action="ignore", category=mb.SymmbWarning):
-        bounds = mb.propagate(simulator, mb.PolynomialChaos(seconds=100), box)
+    bounds = quietly(unit_bounds, force, d, mb.PolynomialChaos(seconds=100), times, ["force"])
     x = rng.uniform(-1, 1, (60_000, d))
     x = np.where(rng.uniform(size=x.shape) < rng.choice([0, 0.5, 0.8], (len(x), 1)), np.sign(x), x)
     highest = np.max([force(part).max(axis=0) for part in np.array_split(x, 60)], axis=0)

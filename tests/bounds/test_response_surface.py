@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from black_boxes import unit_bounds
 from conftest import but_long
+from faults import warned
 from numpy.testing import assert_allclose
 from scipy.stats import multivariate_normal
-from unit_functions import unit_function
 
 import symmb as mb
 from symmb.bound.bounds.covariances import Ridge, Smooth, Sum
@@ -69,11 +70,6 @@ def test_errors_at_runs_that_are_left_out_are_those_of_the_other_runs():
         assert_allclose(errors[k], Y[k] - mean[0], atol=1e-9)
 
 
-def bounds_of(f, d):
-    simulator, box = unit_function(f, d)
-    return mb.propagate(simulator, PATIENT, box)
-
-
 def distance(bounds, lower, upper):
     """Error of the bounds over the width."""
     return max(abs(bounds.lower[0, 0] - lower), abs(bounds.upper[0, 0] - upper)) / (upper - lower)
@@ -89,7 +85,7 @@ def test_ridges_take_few_runs(d, second):
     """
     a, b = 0.7 ** np.arange(d), np.zeros(d)
     b[[1, 0]] = 1.0, -0.7
-    bounds = bounds_of(lambda x: np.cos(1 + 3.5 * a @ x) + second * np.sin(2 * b @ x), d)
+    bounds = unit_bounds(lambda x: np.cos(1 + 3.5 * a @ x) + second * np.sin(2 * b @ x), d, PATIENT)
     assert bounds.evaluations <= 400
     assert distance(bounds, -1 - second, 1 + second) <= 1e-2
 
@@ -97,7 +93,7 @@ def test_ridges_take_few_runs(d, second):
 def test_sums_of_functions_of_single_combinations_take_few_runs():
     d = 8
     a, b = np.repeat([1.0, 0.0], d // 2), np.repeat([0.0, 1.0], d // 2)
-    bounds = bounds_of(lambda x: np.sin(a @ x) + np.exp(0.4 * b @ x), d)
+    bounds = unit_bounds(lambda x: np.sin(a @ x) + np.exp(0.4 * b @ x), d, PATIENT)
     assert bounds.evaluations <= 150
     assert distance(bounds, -1 + np.exp(-1.6), 1 + np.exp(1.6)) <= 1e-2
 
@@ -105,22 +101,21 @@ def test_sums_of_functions_of_single_combinations_take_few_runs():
 def test_sums_of_kinks_are_bounded_where_all_kinks_meet():
     """No run is at the minimum, where the errors of all kinks have one sign."""
     c, w = np.array([0.31, -0.52, 0.11, 0.63, -0.27]), np.array([0.5, 0.9, 0.4, 0.7, 0.6])
-    bounds = bounds_of(lambda x: w @ np.abs(x - c), len(c))
+    bounds = unit_bounds(lambda x: w @ np.abs(x - c), len(c), PATIENT)
     assert bounds.evaluations <= 150
     assert distance(bounds, 0.0, w @ (1 + np.abs(c))) <= 2e-2
 
 
 @pytest.mark.parametrize(("d", "depth"), [(5, 1.1), (8, 1.4)])
 def test_steps_between_constants_are_bounded_by_what_many_runs_share(d, depth):
-    bounds = bounds_of(lambda x: float((x > 1 - depth).all()), d)
+    bounds = unit_bounds(lambda x: float((x > 1 - depth).all()), d, PATIENT)
     assert distance(bounds, 0.0, 1.0) == 0 and bounds.evaluations <= 200
 
 
 def test_moments_of_a_surface_are_those_of_its_expansion():
     """The second output varies with other parameters, the third not at all."""
     f = lambda x: [np.exp(x[0] + 0.5 * x[1]), np.cosh(1.5 * x[3]) + x[4] ** 3, 1.0]  # noqa: E731
-    simulator, box = unit_function(f, 5, outputs=["f", "g", "one"])
-    bounds = mb.propagate(simulator, mb.PolynomialChaos(tolerance=1e-3, seconds=600.0), box)
+    bounds = unit_bounds(f, 5, mb.PolynomialChaos(tolerance=1e-3, seconds=600.0), outputs=["f", "g", "one"])
     expected = np.array([np.sinh(1) * 2 * np.sinh(0.5), np.sinh(1.5) / 1.5, 1.0])
     assert_allclose(bounds.moments().mean[0], expected, rtol=2e-2)
     assert_allclose(bounds.upper[0], [np.exp(1.5), np.cosh(1.5) + 1, 1.0], rtol=2e-3)
@@ -135,6 +130,4 @@ def test_a_surface_that_jumps_is_doubtful(steps, rates):
         u = (x + 1) / 2
         return 0.0 if (u[:2] > steps).any() else np.exp(u @ rates)
 
-    simulator, box = unit_function(f, len(rates))
-    with pytest.warns(mb.SymmbWarning, match="estimated error is above 10 % of the width"):
-        mb.propagate(simulator, mb.PolynomialChaos(), box)
+    warned("estimated error is above 10 % of the width", unit_bounds, f, len(rates))

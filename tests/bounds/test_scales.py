@@ -2,18 +2,14 @@
 
 import numpy as np
 import pytest
+from black_boxes import unit_bounds
 from numpy.testing import assert_allclose
-from unit_functions import unit_function
 
 import symmb as mb
 
-ANGLES = np.linspace(-1, 1, 20_001)
-T = np.linspace(0, 1, 5)
 
-
-def bounds_of(f, d=1, noise=None, times=T[:1], method=None):
-    simulator, box = unit_function(lambda x: np.full(len(times), f(*x)), d, times, noise=noise)
-    bounds = mb.propagate(simulator, method or mb.PolynomialChaos(), box)
+def bounds_of(f, d=1, noise=None, method=None):
+    bounds = unit_bounds(lambda x: f(*x), d, method, noise=noise)
     assert str(bounds) and bounds.doubtful_windows() == () and bounds.doubts == () and bounds.outer
     assert bounds.expansion is None or str(bounds.moments())
     return bounds

@@ -4,9 +4,10 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from faults import refused, warned
 from oscillators import BOX, TIMES, Wave, wave, wave_bounds
 
-from symmb import Box, FunctionSimulator, MonteCarlo, PropagationError, Swarm, SymmbWarning, propagate
+from symmb import Box, FunctionSimulator, MonteCarlo, PropagationError, Swarm, propagate
 
 FEW = np.array([0.0, 3.0, 6.0])
 
@@ -27,15 +28,13 @@ def test_every_swarm_searches_for_itself():
     result = propagate(simulator(lambda amplitude, w: wave(amplitude, w)[[0, 30, 60]]), method, BOX)
     assert result.evaluations == 2 * 3 * 4 * 15
     exact = wave_bounds()
-    np.testing.assert_allclose(result.lower, exact[0][[0, 30, 60]], atol=1e-6)
-    np.testing.assert_allclose(result.upper, exact[1][[0, 30, 60]], atol=1e-6)
+    np.testing.assert_allclose([result.lower, result.upper], np.array(exact)[:, [0, 30, 60]], atol=1e-6)
     as_many = propagate(Wave(), MonteCarlo(result.evaluations), BOX)
     assert np.abs(as_many.upper - exact[1])[[0, 30, 60]].max() > 1e-3
 
 
 def test_failed_runs_are_told_and_left_behind():
-    with pytest.warns(SymmbWarning, match=r"\d+ of 1200 runs failed"):
-        result = propagate(simulator(fragile), Swarm(), BOX)
+    result = warned(r"\d+ of 1200 runs failed", propagate, simulator(fragile), Swarm(), BOX)
     assert 0 < len(result.failed) < result.evaluations / 2
     assert all(run.parameters["amplitude"] + run.parameters["w"] > 2.1 for run in result.failed)
     assert result.upper[0, 0] == pytest.approx(1.1, abs=1e-3)  # amplitude 1.1 wherever w <= 1
@@ -43,8 +42,8 @@ def test_failed_runs_are_told_and_left_behind():
 
 
 def test_all_runs_failed():
-    with pytest.raises(PropagationError, match="all 120 runs failed"):
-        propagate(simulator(fragile), Swarm(particles=4, steps=5), Box(amplitude=(1.5, 1.6)))
+    method, box = Swarm(particles=4, steps=5), Box(amplitude=(1.5, 1.6))
+    refused("all 120 runs failed", propagate, simulator(fragile), method, box, error=PropagationError)
 
 
 def test_same_seed_same_bounds_whatever_the_executor():

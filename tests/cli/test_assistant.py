@@ -6,10 +6,10 @@ import sys
 import time
 
 import pytest
+from faults import refused, refused_command
 
 import symmb as mb
 from symmb.show.cli.assistant import Tools, make_server
-from symmb.show.cli.main import main
 from symmb.show.cli.scene_file import load_scene
 
 SCENE = """'A mass on a spring.'
@@ -26,7 +26,7 @@ scene = mb.Scene(
     box=mb.Box.plus_minus(p, k="10%"), name="oscillator",
 )
 """
-LIMITS = {"x": [-60.0, None]}
+LIMITS, GIVEN = {"x": [-60.0, None]}, mb.Box(m=(0.9, 1.1), k=(3, 5, "N/m"))
 
 
 @pytest.fixture
@@ -53,16 +53,19 @@ def ask(folder):
         return content.text, result.is_error
 
     def ask(tool, progress=None, subject=None, **arguments):
-        return anyio.run(call, subject or make_server([str(folder)]), tool, arguments, progress)
+        given = ({} if tool == "scenes" else {"scene": "oscillator.py"}) | arguments
+        return anyio.run(call, subject or make_server([str(folder)]), tool, given, progress)
 
     return ask
 
 
-def same_result(text, expected):
-    """Whether two texts agree apart from measured times."""
-    return [line for line in text.splitlines() if "seconds" not in line] == [
-        line for line in str(expected).splitlines() if "seconds" not in line
-    ]
+def lasting(text):
+    """Lines apart from measured times."""
+    return [line for line in str(text).splitlines() if "seconds" not in line]
+
+
+def loaded(folder):
+    return load_scene(str(folder / "oscillator.py"))
 
 
 @pytest.mark.parametrize(
@@ -70,11 +73,7 @@ def same_result(text, expected):
     [
         ("simulate", {"parameters": {"k": "5 N/m"}}, lambda scene: mb.simulate(scene, parameters={"k": 5.0})),
         ("bound", {}, mb.propagate),
-        (
-            "bound",
-            {"box": {"k": [3, 5], "m": "10%"}},
-            lambda s: mb.propagate(s, box=mb.Box(m=(0.9, 1.1), k=(3, 5, "N/m"))),
-        ),
+        ("bound", {"box": {"k": [3, 5], "m": "10%"}}, lambda scene: mb.propagate(scene, box=GIVEN)),
         ("worst_case", {"output": "x", "time": "500 ms"}, lambda scene: mb.propagate(scene).worst("x", 0.5)),
         ("limits", {"limits": LIMITS}, lambda scene: mb.propagate(scene).check({"x": (-60.0, None)})),
         ("tolerances", {"limits": LIMITS}, lambda scene: mb.tolerances(scene, {"x": (-60.0, None)})),
@@ -82,52 +81,47 @@ def same_result(text, expected):
     ],
 )
 def test_results_are_those_of_python(ask, folder, tool, arguments, expected):
-    text, failed = ask(tool, scene="oscillator.py", **arguments)
+    text, failed = ask(tool, **arguments)
     assert not failed, text
-    assert same_result(text, expected(load_scene(str(folder / "oscillator.py"))))
+    assert lasting(text) == lasting(expected(loaded(folder)))
 
 
 def test_parameters_that_a_given_box_lacks_are_told(ask):
-    text, _ = ask("bound", scene="oscillator.py", box={"m": "1%"})
-    remark = "The given box has no interval for k, unlike the box of the scene. This result is for k = 4 N/m."
-    assert text.splitlines()[-1] == f"remark: {remark}"
+    remark = "remark: The given box has no interval for k, unlike the box of the scene. This result is for k = 4 N/m."
+    assert ask("bound", box={"m": "1%"})[0].splitlines()[-1] == remark
     for box in ({"m": "1%", "k": "1%"}, None):
-        assert "no interval" not in ask("bound", scene="oscillator.py", box=box)[0]
+        assert "no interval" not in ask("bound", box=box)[0]
 
 
 @pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
 def test_warnings_follow_every_answer_from_bounds(ask, folder):
-    path = folder / "oscillator.py"
-    path.write_text(SCENE.replace("m=1.0", "m=1.0, idle=1.0").replace('k="10%"', 'k="10%", idle="10%"'))
-    told = [f"warning: {doubt}" for doubt in mb.propagate(load_scene(str(path))).doubts]
+    text = SCENE.replace("m=1.0", "m=1.0, idle=1.0").replace('k="10%"', 'k="10%", idle="10%"')
+    (folder / "oscillator.py").write_text(text)
+    told = [f"warning: {doubt}" for doubt in mb.propagate(loaded(folder)).doubts]
     assert told and "idle" in told[0]
     others = [("report", {}), ("view", {"output": "x"}), ("contributions", {})]
     for tool, more in (("worst_case", {"output": "x"}), ("limits", {"limits": LIMITS}), *others):
-        text, failed = ask(tool, scene="oscillator.py", **more)
+        text, failed = ask(tool, **more)
         assert not failed and [line for line in text.splitlines() if line.startswith("warning")] == told
 
 
 def test_outputs_at_given_times_are_those_of_a_cosine(ask):
-    text, _ = ask("simulate", scene="oscillator.py", times=[0.25, 0.7])
+    text, _ = ask("simulate", times=[0.25, 0.7])
     rows = [list(map(float, line.split())) for line in text.splitlines()[1:]]
     assert [row[0] for row in rows] == [0, 0.25, 0.7]
     assert [row[1] for row in rows] == pytest.approx([100 * math.cos(2 * t) for t in (0, 0.25, 0.7)], rel=1e-5)
 
 
 def test_a_scene_is_described_with_units_and_box(ask):
-    text, _ = ask("describe", scene="oscillator.py")
-    assert (
-        text.startswith("A mass on a spring.")
-        and "outputs: x [mm]" in text
-        and "k=(3.6, 4.4" in text
-        and "a.x = 0.1" in text
-    )
+    text, _ = ask("describe")
+    assert text.startswith("A mass on a spring.")
+    assert all(part in text for part in ("outputs: x [mm]", "k=(3.6, 4.4", "a.x = 0.1"))
     text, _ = ask("scenes")
     assert "double_pendulum" in text and "oscillator.py" in text
 
 
 def test_pages_are_written_into_the_folder(ask, folder):
-    bounds = mb.propagate(load_scene(str(folder / "oscillator.py")))
+    bounds = mb.propagate(loaded(folder))
     calls = [
         ("report", {"limits": LIMITS}, "report", bounds.check({"x": (-60.0, None)})),
         ("view", {}, "view", ""),
@@ -135,17 +129,15 @@ def test_pages_are_written_into_the_folder(ask, folder):
         ("view", {"output": "x"}, "view_3", bounds.worst("x", 1.0)),
     ]
     for tool, more, name, told in calls:
-        text, failed = ask(tool, scene="oscillator.py", **more)
+        text, failed = ask(tool, **more)
         assert not failed, text
-        path, *lines = text.splitlines()
-        assert path == str(folder / "symmb_output" / f"oscillator_{name}.html")
-        assert lines == str(told).splitlines()
-        assert (folder / "symmb_output" / f"oscillator_{name}.html").read_text().startswith("<!")
+        page = folder / "symmb_output" / f"oscillator_{name}.html"
+        assert text.splitlines() == [str(page), *str(told).splitlines()] and page.read_text().startswith("<!")
 
 
 def test_progress_is_reported_in_numbers_that_increase(ask):
     reports = []
-    ask("bound", reports, scene="oscillator.py")
+    ask("bound", reports)
     counts = [count for count, *_ in reports]
     assert counts and counts == sorted(set(counts)) and "runs" in reports[-1][2]
 
@@ -182,20 +174,19 @@ def test_files_outside_are_refused_by_one_sentence_and_do_not_run(folder, path):
     (folder / "link.py").symlink_to(folder.parent / "stranger.py")
     (folder / "folder").symlink_to(folder.parent)
     path = path.format(folder.parent)
-    with pytest.raises(mb.DeclarationError, match="neither a shipped scene nor a file in the folders") as caught:
-        Tools([str(folder)]).describe(path)
-    assert str(caught.value).startswith(path) and not (folder.parent / "stranger.py.loaded").exists()
+    told = refused("neither a shipped scene nor a file in the folders", Tools([str(folder)]).describe, path)
+    assert told.startswith(path) and not (folder.parent / "stranger.py.loaded").exists()
 
 
 @pytest.mark.parametrize(
     "arguments, sentence",
     [
         ({"scene": "../stranger.py"}, "neither a shipped scene nor a file"), ({"scene": "a\0"}, "null byte"),
-        ({"scene": "oscillator.py", "box": {"kk": "1%"}}, "unknown parameter 'kk'. Did you mean 'k'?"),
-        ({"scene": "oscillator.py", "box": {"k": ["-5%", "5%"]}}, "'k': give one tolerance of the nominal value"),
-        ({"scene": "oscillator.py", "box": {"k": [5]}}, "k"), ({"scene": 3}, "scene: Input should be a valid"),
-        ({"scene": "oscillator.py", "box": {"k": 5}}, "bound: box is not valid. `box` replaces the box of the scene"),
-        ({"scene": "interrupt.py"}, "raised KeyboardInterrupt"), ({"scene": "oscillator.py", "method": "pcee"}, "pcee"),
+        ({"box": {"kk": "1%"}}, "unknown parameter 'kk'. Did you mean 'k'?"),
+        ({"box": {"k": ["-5%", "5%"]}}, "'k': give one tolerance of the nominal value"),
+        ({"box": {"k": [5]}}, "k"), ({"scene": 3}, "scene: Input should be a valid"),
+        ({"box": {"k": 5}}, "bound: box is not valid. `box` replaces the box of the scene"),
+        ({"scene": "interrupt.py"}, "raised KeyboardInterrupt"), ({"method": "pcee"}, "pcee"),
     ],
 )  # fmt: skip
 def test_errors_are_sentences(ask, folder, arguments, sentence):
@@ -206,19 +197,15 @@ def test_errors_are_sentences(ask, folder, arguments, sentence):
 
 def test_the_program_speaks_only_the_protocol(ask, folder):
     mcp = pytest.importorskip("mcp")
-    program = mcp.StdioServerParameters(
-        command=sys.executable, args=["-m", "symmb", "mcp", str(folder)], env={**os.environ}
-    )
-    text, failed = ask("worst_case", subject=program, scene="oscillator.py", output="x")
-    assert not failed and same_result(text, mb.propagate(load_scene(str(folder / "oscillator.py"))).worst("x"))
+    words = ["-m", "symmb", "mcp", str(folder)]
+    program = mcp.StdioServerParameters(command=sys.executable, args=words, env={**os.environ})
+    text, failed = ask("worst_case", subject=program, output="x")
+    assert not failed and lasting(text) == lasting(mb.propagate(loaded(folder)).worst("x"))
 
 
 def test_without_the_package_or_a_folder_a_sentence_tells_what_to_do(capsys, monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "mcp.server.mcpserver", None)  # as in old versions of mcp
-    assert main(["mcp"]) == 2
-    error = capsys.readouterr().err
+    error = refused_command(capsys, "mcp")
     assert error.startswith("symmb mcp: this command needs mcp") and "install mcp, or pip install 'symmb[mcp]'" in error
-    with pytest.raises(mb.DeclarationError, match="is not a folder"):
-        Tools([str(tmp_path / "absent")])
-    with pytest.raises(mb.DeclarationError, match="no folder for files"):
-        Tools([]).view("double_pendulum")
+    refused("is not a folder", Tools, [str(tmp_path / "absent")])
+    refused("no folder for files", Tools([]).view, "double_pendulum")

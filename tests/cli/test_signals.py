@@ -64,13 +64,18 @@ class Interrupted(mb.FunctionSimulator):
 BOX = mb.Box(k=(0.9, 1.1), c=(0.4, 0.6))
 
 
+def partial_of(study, *arguments, **options):
+    """What a study that is interrupted carries."""
+    with pytest.raises(KeyboardInterrupt) as caught:
+        study(*arguments, **options)
+    return caught.value.partial
+
+
 @pytest.mark.parametrize(
     ("method", "runs"), [(mb.MonteCarlo(1000), 200), (mb.Scanning(30), 200), (mb.PolynomialChaos(tolerance=1e-9), 20)]
 )
 def test_interrupted_bounds_carry_what_the_runs_attained(method, runs):
-    with pytest.raises(KeyboardInterrupt) as caught:
-        mb.propagate(Interrupted(runs), method, BOX)
-    partial = caught.value.partial
+    partial = partial_of(mb.propagate, Interrupted(runs), method, BOX)
     assert partial.kind == "sampled" and "interrupted" in partial.method and 0 < partial.evaluations <= runs
     whole = mb.propagate(Interrupted(10**9), method, BOX)
     assert (partial.lower >= whole.inner[0]).all() and (partial.upper <= whole.inner[1]).all()
@@ -78,9 +83,7 @@ def test_interrupted_bounds_carry_what_the_runs_attained(method, runs):
 
 
 def test_bounds_without_a_finished_run_carry_nothing():
-    with pytest.raises(KeyboardInterrupt) as caught:
-        mb.propagate(Interrupted(0), mb.Vertex(), BOX)
-    assert caught.value.partial is None
+    assert partial_of(mb.propagate, Interrupted(0), mb.Vertex(), BOX) is None
 
 
 def test_an_interrupted_comparison_carries_the_methods_so_far():
@@ -89,9 +92,7 @@ def test_an_interrupted_comparison_carries_the_methods_so_far():
             raise KeyboardInterrupt
 
     methods = [mb.Vertex(), mb.MonteCarlo(10_000), mb.Scanning(5)]
-    with pytest.raises(KeyboardInterrupt) as caught:
-        mb.compare(Interrupted(10**9), methods, BOX, mb.Scanning(3), progress=progress)
-    partial = caught.value.partial
+    partial = partial_of(mb.compare, Interrupted(10**9), methods, BOX, mb.Scanning(3), progress=progress)
     assert [row.name for row in partial.rows] == ["Vertex()"]
     left = [(method.name, method.reason) for method in partial.not_run]
     assert left == [("MonteCarlo(10000)", "interrupted"), ("Scanning(5)", "interrupted")]
@@ -105,9 +106,7 @@ def test_so_does_one_that_is_interrupted_in_its_check_runs(monkeypatch):
         return bounds
 
     monkeypatch.setattr(compare, "checked", interrupted)
-    with pytest.raises(KeyboardInterrupt) as caught:
-        mb.compare(Interrupted(10**9), [mb.Vertex(), mb.Scanning(5)], BOX, mb.Scanning(3))
-    partial = caught.value.partial
+    partial = partial_of(mb.compare, Interrupted(10**9), [mb.Vertex(), mb.Scanning(5)], BOX, mb.Scanning(3))
     assert [row.name for row in partial.rows] == ["Vertex()"]
     assert [left.name for left in partial.not_run] == ["Scanning(5)"]
 
@@ -214,9 +213,8 @@ def test_a_long_search_of_ranges_ends_at_an_interrupt(d, order, m):
 def test_a_run_in_python_carries_its_trajectory_so_far():
     scene = double_pendulum(np.linspace(0.0, 50.0, 5001))
     mb.simulate(scene, mb.StateSpace(), times=[0.0, 0.01])
-    with interrupt_after(0.7), pytest.raises(KeyboardInterrupt) as caught:
-        mb.simulate(scene, mb.StateSpace())
-    run = caught.value.partial
+    with interrupt_after(0.7):
+        run = partial_of(mb.simulate, scene, mb.StateSpace())
     assert 1 < len(run.t) < len(scene.times) and np.isfinite(run.values).all() and str(run)
 
 
@@ -229,11 +227,13 @@ with temporary_folder() as folder:
 """
 
 
+def python(*arguments, **options):
+    return subprocess.run([sys.executable, *arguments], capture_output=True, text=True, **options)
+
+
 def left_folder(place):
     """A temporary folder of a process that was killed."""
-    environment = {**os.environ, "TMPDIR": str(place)}
-    told = subprocess.run([sys.executable, "-c", LEFT], env=environment, capture_output=True, text=True)
-    return Path(told.stdout.strip())
+    return Path(python("-c", LEFT, env={**os.environ, "TMPDIR": str(place)}).stdout.strip())
 
 
 def look_alikes(place, left):
@@ -241,17 +241,16 @@ def look_alikes(place, left):
     process, mark = left.name.split("-")[1], (left / ".symmb").read_text()
     title, name, machine, number, begin = mark.split("\n")
 
-    def made(own, **changed):
-        folder = place / own
-        folder.mkdir()
+    def made(own, mark=None, **changed):
+        (place / own).mkdir()
         parts = {"title": title, "name": own, "machine": machine, "number": number, "begin": begin}
-        (folder / ".symmb").write_text("\n".join((parts | changed).values()))
-        return folder
+        text = "\n".join((parts | changed).values()).encode() if mark is None else mark
+        (place / own / ".symmb").write_bytes(text)
 
-    (place / "symmb-2024-results").mkdir()
-    (place / f"symmb-{process}-own").mkdir()
-    (place / f"symmb-{process}-file").write_text("mine")
+    for own in ("2024-results", f"{process}-own", *(f"{int(process) + k}-{k}-x" for k in range(40))):
+        (place / f"symmb-{own}").mkdir()
     (place / "symmb_run-abc").mkdir()
+    (place / f"symmb-{process}-file").write_text("mine")
     (place / f"symmb-{process}-link").symlink_to(left)
     for k, node in enumerate(("node7", f"node7 {machine.partition(' ')[2]}", machine[:-3] + "9]", "")):
         made(f"symmb-{process}-machine{k}", machine=node)
@@ -259,16 +258,11 @@ def look_alikes(place, left):
     made(f"symmb-{process}-copy", name=name)
     made(f"symmb-{process}-title", title="other")
     for k, text in enumerate(("", "symmb", mark + "\n", mark.replace("\n", " "), "\0" * 9)):
-        made(f"symmb-{process}-text{k}")
-        (place / f"symmb-{process}-text{k}" / ".symmb").write_text(text)
-    (place / f"symmb-{process}-binary").mkdir()
-    (place / f"symmb-{process}-binary" / ".symmb").write_bytes(bytes(range(256)))
+        made(f"symmb-{process}-text{k}", text.encode())
+    made(f"symmb-{process}-binary", bytes(range(256)))
     (place / f"symmb-{process}-folder" / ".symmb").mkdir(parents=True)
-    other = place / f"symmb-{process}-linked"
-    other.mkdir()
-    (other / ".symmb").symlink_to(left / ".symmb")
-    for k in range(40):
-        (place / f"symmb-{int(process) + k}-{k}-x").mkdir()
+    (place / f"symmb-{process}-linked").mkdir()
+    (place / f"symmb-{process}-linked" / ".symmb").symlink_to(left / ".symmb")
     return {path.name for path in place.iterdir()} - {left.name}
 
 
@@ -314,7 +308,7 @@ except KeyboardInterrupt:
 
 def test_an_interrupt_that_python_drops_is_repeated():
     """Exceptions of callbacks, such as those of garbage collection, do not reach the program."""
-    end = subprocess.run([sys.executable, "-c", IN_A_CALLBACK], capture_output=True, text=True)
+    end = python("-c", IN_A_CALLBACK)
     assert (end.stdout, end.stderr) == ("interrupted\n", "")
 
 
@@ -337,8 +331,7 @@ print(propagate(scene().with_times(np.linspace(0.0, 0.1, 3)), Vertex()))
 def test_without_threads_and_processes_commands_and_studies_run(tmp_path):
     environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path / "cache"), "PYTHONPATH": str(interrupts.ROOT)}
     environment.pop("OPENBLAS_NUM_THREADS", None)
-    command = [sys.executable, "-c", ALONE, "simulate", "double_pendulum"]
-    end = subprocess.run(command, env=environment, cwd="/", capture_output=True, text=True)
+    end = python("-c", ALONE, "simulate", "double_pendulum", env=environment, cwd="/")
     assert end.returncode == 0 and "theta2_dot" in end.stdout and "Vertex" in end.stdout, end.stderr
     assert "cannot be started" in end.stderr and "Traceback" not in end.stderr
 
@@ -348,6 +341,14 @@ class _Gone:
 
     def __del__(self):
         signal.raise_signal(signal.SIGINT)
+
+
+class _Data(set):
+    """The references of a WeakSet; a signal arrives while one goes."""
+
+    def discard(self, item):
+        signal.raise_signal(signal.SIGINT)
+        super().discard(item)
 
 
 @pytest.mark.parametrize("kind", ["__del__", "WeakSet"])
@@ -362,11 +363,3 @@ def test_an_interrupt_at_the_end_of_an_object_is_kept(kind):
             known.data = _Data(known.data)
             del item
         time.sleep(1.0)  # it is sent again
-
-
-class _Data(set):
-    """The references of a WeakSet; a signal arrives while one goes."""
-
-    def discard(self, item):
-        signal.raise_signal(signal.SIGINT)
-        super().discard(item)

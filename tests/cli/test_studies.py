@@ -1,15 +1,133 @@
-"""Comparisons of simulators from the command line: in processes, on clusters, with a file of runs."""
+"""Commands on scenes: bounds, comparisons, linearisation, URDF files, completion, and the exit status of doubts."""
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
+import warnings
 
+import numpy as np
 import pytest
+from faults import printed, refused_command
 from processes import in_time, runs
 
+import symmb as mb
 from symmb.show.cli.main import main
+from symmb.show.cli.urdf_scene import parameter_name
+
+SCENE = """
+import numpy as np
+import symmb as mb
+
+p = mb.Parameters(speed=1.0, height=2.0)
+ball = mb.Body("ball", 1.0, pose=mb.Particle())
+scene = mb.Scene(
+    mb.System(ball, parameters=p), {"ball.vx": p.speed, "ball.y": p.height}, np.linspace(0, 2, 5),
+    {"x": ball.x, "y": ball.y}, box=mb.Box(speed=(0.9, 1.1)),
+)
+"""
+
+
+def written(folder, *arguments, status=0):
+    """What a command writes as JSON."""
+    assert main([*arguments, "--json", str(folder / "written.json")]) == status
+    return json.loads((folder / "written.json").read_text())
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "roll.py").write_text(SCENE)
+    (tmp_path / "t.csv").write_text("name,nominal,plus\nspeed,1.0,0.2\n")
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("words", "status", "upper"),
+    [
+        ([], 0, 2.2), (["--limit", "x=:2.3", "y=1:3"], 0, 2.2), (["--limit", "x=:2.1"], 1, 2.2),
+        (["--box", "speed=1:1.5"], 0, 3.0), (["--tolerances", "t.csv"], 0, 2.4),
+        (["--tolerances", "t.csv", "--box", "height=1:4", "--limit", "y=:3.9"], 1, 2.4),
+        (["--method", "vertex", "--limit", "x=:2.3"], 3, 2.2),
+    ],
+)  # fmt: skip
+def test_bounds_and_limits(folder, capsys, words, status, upper):
+    assert main(["bound", "roll.py", *words, "--json", "b.json", "--csv", "b.csv"]) == status
+    text = capsys.readouterr().out
+    assert text.startswith("Bounds by ") and ("Limits by " in text) == ("--limit" in words)
+    assert json.loads((folder / "b.json").read_text())["upper"][-1][0] == pytest.approx(upper)
+    assert np.genfromtxt(folder / "b.csv", delimiter=",", skip_header=1)[-1, 2] == pytest.approx(upper)
+
+
+@pytest.mark.parametrize("words, fixed", [([], ""), (["--box", "speed=1:2"], ""), (["--box", "height=1:3"], "speed ")])
+def test_parameters_that_an_option_fixes_are_told(folder, capsys, words, fixed):
+    main(["bound", "roll.py", *words])
+    told = f"{fixed}keep their nominal values, because --box and --tolerances replace the scene's box."
+    assert (told in capsys.readouterr().out) == bool(fixed)
+
+
+def test_limits_stand_in_the_file(folder):
+    main(["bound", "roll.py", "--limit", "x=:2.3", "y=1:1.5", "--json", "b.json"])
+    limits = json.loads((folder / "b.json").read_text())["limits"]
+    assert [*limits] == ["x", "y"] and limits["y"]["result"] == "violated"
+    assert limits["y"]["why"] == "The nominal run is beyond the limit."
+    assert limits["x"] == {**limits["x"], "result": "satisfied", "time": 2.0, "low": None, "high": 2.3}
+    assert limits["x"]["margin"] == pytest.approx(0.1) and limits["y"]["margin"] == pytest.approx(-0.5)
+    assert mb.Bounds.load("b.json")["x"][1][-1] == pytest.approx(2.2)
+
+
+def test_pictures_are_written(folder):
+    assert main(["bound", "roll.py", "--limit", "x=:2.3", "--plot", "b.png", "--view", "b.svg"]) == 0
+    assert (folder / "b.png").stat().st_size > 5000 and (folder / "b.svg").stat().st_size > 500
+
+
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        (["--limit", "x"], "name=low:high"), (["--limit", "x=:"], "has no number"), (["--limit", "x=a:1"], "low:high"),
+        (["--limit", "x=2:1"], "above"), (["--limit", "q=:1"], "no output 'q'"), (["--box", "speed=1:"], "both ends"),
+        (["--box", "speed=1:2", "speed=1:2"], "twice"), (["--box", "sped=1:2"], ": Box: no parameter 'sped'. Did you"),
+        (["--box", "speed=:"], "both ends"), (["--limit", "x=-inf:inf"], "must be finite"),
+        (["--tolerances", "none.csv"], "cannot be read"), (["--method", "magic"], "magic"), (["--csv", "b.png"], "csv"),
+    ],
+)  # fmt: skip
+def test_wrong_words_are_told_in_one_sentence(folder, capsys, words, why):
+    error = refused_command(capsys, "bound", "roll.py", *words)
+    assert why in error and error.startswith("symmb bound: ") and error.count("\n") == 1
+
+
+def test_limits_are_checked_before_the_study(folder, capsys, monkeypatch):
+    monkeypatch.setattr(mb, "propagate", None)
+    error = refused_command(capsys, "bound", "roll.py", "--limit", "yy=:3")
+    assert error == "symmb bound: --limit: no output 'yy'. Did you mean 'y'?\n"
+
+
+def test_other_nominal_values_and_no_box_are_refused(folder, capsys):
+    (folder / "t.csv").write_text("name,nominal,plus\nspeed,1.1,0.2\n")
+    error = refused_command(capsys, "bound", "roll.py", "--tolerances", "t.csv")
+    assert "the nominal value of 'speed' is 1.1 in the table, but 1 in the model" in error
+    (folder / "roll.py").write_text(SCENE.replace(", box=mb.Box(speed=(0.9, 1.1))", ""))
+    assert "--box NAME=1:2" in refused_command(capsys, "bound", "roll.py")
+
+
+def test_numbers_with_units(folder, capsys):
+    text = SCENE.replace("speed=1.0", 'speed=(1000, "mm/s")').replace('"x": ball.x', '"x": (ball.x, "cm")')
+    (folder / "roll.py").write_text(text.replace("(0.9, 1.1)", '(0.9, 1.1, "m/s")'))
+    assert main(["bound", "roll.py", "--box", "speed=1m/s:1500mm/s", "--limit", "x=:3.1m", "--json", "b.json"]) == 0
+    bounds = mb.Bounds.load("b.json")
+    assert bounds["x"][1][-1] == pytest.approx(300) and bounds.box == mb.Box(speed=(1000, 1500, "mm/s"))
+    assert "speed = 1500 mm/s" in capsys.readouterr().out
+    assert main(["simulate", "roll.py", "--set", "speed=2 m/s", "--csv", "run.csv"]) == 0
+    assert np.genfromtxt(folder / "run.csv", delimiter=",", skip_header=1)[-1, 1] == pytest.approx(400)
+    for words in ("speed=1:1.5m/s", "speed=1m/s:1.5"):
+        assert main(["bound", "roll.py", "--box", words, "--limit", "x=2:3.1m", "--json", "b.json"]) == 1
+        assert mb.Bounds.load("b.json").box == bounds.box
+        assert "200 <= x <= 310 cm" in capsys.readouterr().out
+    for words in (["--box", "speed=1kg:2kg"], ["--limit", "x=:3.1s"], ["--limit", "x=:3.1mmm"]):
+        assert "unit" in (error := refused_command(capsys, "bound", "roll.py", *words)) or "does not fit" in error
+
 
 SIMULATOR = """
 import numpy as np
@@ -154,6 +272,212 @@ def test_a_scene_keeps_its_runs(tmp_path, capsys):
 def test_one_sentence(tmp_path, capsys, text, options, words):
     study = tmp_path / "wrong_study.py"
     study.write_text(text)
-    assert main(["compare", str(study), "--methods", "mc:3", *options]) == 2
-    error = capsys.readouterr().err
-    assert words in error and error.count("\n") == 1 and "Traceback" not in error
+    error = refused_command(capsys, "compare", str(study), "--methods", "mc:3", *options)
+    assert words in error and error.count("\n") == 1
+
+
+OSCILLATORS = """
+import symmb as mb
+
+def scene():
+    p = mb.Parameters(k=4.0, c=0.4)
+    a, b = (mb.Body(name, 1.0, pose=mb.Particle()) for name in "ab")
+    on_a = mb.Force("on_a", a.point(0, 0, 0), (-p.k * a.x - p.c * a.vx, 0, 0))
+    on_b = mb.Force("on_b", b.point(0, 0, 0), (0, -9 * b.y, 0))
+    return mb.Scene(mb.System(a, b, on_a, on_b, parameters=p), {START}, [0.0, 1.0], {"x": a.x}, name="oscillators")
+"""
+
+
+@pytest.fixture
+def file(tmp_path):
+    path = tmp_path / "oscillators.py"
+    path.write_text(OSCILLATORS.replace("START", ""))
+    return str(path)
+
+
+def test_prints_modes_and_writes_matrices(file, tmp_path, capsys):
+    json_file = tmp_path / "l.json"
+    told = printed(capsys, "linearize", file, "--set", "k=16", "--json", str(json_file))
+    head, _, first, second = told.splitlines()[:4]
+    assert head == "oscillators: linearised at 0 s, 4 states, not asymptotically stable: 1 undamped oscillation"
+    assert first.split() == ["1", "0.477465", "0", "b.y"]
+    assert second.split() == ["2", "0.63662", "0.05", "a.x"]
+    layout = json.loads(json_file.read_text())
+    assert layout["parameters"] == {"k": 16.0, "c": 0.4} and layout["outputs"] == ["x"]
+    values, own = np.array(layout["eigenvalues"]) @ [1, 1j], np.linalg.eigvals(np.array(layout["A"]))
+    np.testing.assert_allclose(np.sort_complex(values), np.sort_complex(own), atol=1e-12)
+    np.testing.assert_allclose(layout["modes"][1]["eigenvalue"], [-0.2, np.sqrt(16 - 0.04)], rtol=1e-12)
+    assert layout["modes"][1]["shape"]["a.x"] == pytest.approx([1.0, 0.0]) and layout["doubts"] == []
+
+
+def test_a_state_out_of_equilibrium_exits_with_3(tmp_path, capsys):
+    path = tmp_path / "moving.py"
+    path.write_text(OSCILLATORS.replace("START", '"b.y": 0.1').replace("-9 * b.y", "-9 * b.y**3"))
+    with warnings.catch_warnings(action="always"):
+        assert main(["linearize", str(path)]) == 3
+    told = capsys.readouterr()
+    assert "warning: The state is neither an equilibrium" in told.out
+    assert "symmb linearize: linearize(oscillators): The state is neither" in told.err
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        (["--set", "q=1"], "No parameter 'q'"),
+        (["--set", "k"], "--set takes name=number"),
+        (["--time", "0.5"], "one of the run's 2 output times, 0 to 1 s, got 0.5"),
+        (["--json", "l.csv"], ".json"),
+    ],
+)
+def test_refusals(file, options, text, capsys):
+    assert text in refused_command(capsys, "linearize", file, *options)
+
+
+def test_a_run_at_a_time(file, capsys):
+    assert printed(capsys, "linearize", file, "--time", "1").startswith("oscillators: linearised at 1 s")
+
+
+ROBOT = """
+<robot name="pendulum"><link name="wall"/>
+<link name="rod"><inertial><origin xyz="0.5 0 0"/><mass value="2"/>
+<inertia ixx="0" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>
+<joint name="hinge" type="continuous"><parent link="wall"/><child link="rod"/><axis xyz="0 1 0"/>
+<dynamics damping="0.1"/></joint></robot>
+"""
+
+
+@pytest.fixture
+def pendulum(tmp_path):
+    path = tmp_path / "pendulum.urdf"
+    path.write_text(ROBOT)
+    return str(path)
+
+
+def test_simulate_with_numbers_of_the_file(pendulum, tmp_path, capsys):
+    """The pendulum falls from the horizontal: its acceleration at the start is m g c / (J + m c^2)."""
+    run = written(tmp_path, "simulate", pendulum, "--set", "rod.mass=4", "rod.com.x=0.25")
+    assert run["outputs"] == ["hinge"] and run["parameters"] == {"rod_mass": 4.0, "rod_com_x": 0.25}
+    angle, t = np.array(run["values"])[:, 0], np.array(run["times"])
+    assert angle[0] == 0.0
+    assert abs(2 * angle[1] / t[1] ** 2 - 4 * 9.81 * 0.25 / (0.1 + 4 * 0.25**2)) < 0.05
+
+
+def test_compare_over_uncertain_numbers(pendulum, tmp_path, capsys):
+    arguments = "--spread 5% --uncertain rod.mass hinge.damping --methods vertex".split()
+    box = written(tmp_path, "compare", pendulum, *arguments)["box"]
+    assert box == {"rod_mass": pytest.approx([1.9, 2.1]), "hinge_damping": pytest.approx([0.095, 0.105])}
+
+
+def test_view_and_equations(pendulum, tmp_path, capsys):
+    page = tmp_path / "page.html"
+    assert main(["view", pendulum, "-o", str(page)]) == 0 and page.stat().st_size > 10_000
+    assert "Q = [-0.1⋅q̇_hinge + 9.81⋅cos(q_hinge)]" in printed(capsys, "equations", pendulum, "--joint")
+
+
+def test_uncertain_names_parameters_of_any_scene(tmp_path, capsys):
+    arguments = ["--spread", "2%", "--uncertain", "l2", "--methods", "vertex"]
+    assert written(tmp_path, "compare", "double_pendulum", *arguments)["box"] == {"l2": [0.98, 1.02]}
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        ("compare FILE --methods vertex --uncertain rod.mass", "needs the width of the intervals"),
+        ("compare FILE --methods vertex --spread 5%", "Name the parameters by --uncertain"),
+        ("compare FILE --methods vertex --spread 5% --uncertain rod.mas", "Did you mean 'rod.mass'"),
+        ("compare FILE --methods vertex --spread 5% --uncertain hinge.origin.x", "'hinge_origin_x' is 0"),
+        ("simulate none.urdf", "There is no scene file none.urdf"),
+        ("simulate STILL", "no joint of this file moves"),
+        ("simulate WRONG", "wrong.urdf, line 1, <lnk name='wall'>"),
+    ],
+)
+def test_what_is_wrong_is_told(pendulum, tmp_path, capsys, words, text):
+    files = {"FILE": pendulum, "STILL": tmp_path / "still.urdf", "WRONG": tmp_path / "wrong.urdf"}
+    for word, tag in (("STILL", "link"), ("WRONG", "lnk")):
+        files[word].write_text(f'<robot name="still"><{tag} name="wall"/></robot>')
+    assert text in refused_command(capsys, *(str(files.get(word, word)) for word in words.split()))
+
+
+def test_names_of_parameters():
+    assert [parameter_name(name) for name in ("forearm.mass", "1-link.com.x")] == ["forearm_mass", "_1_link_com_x"]
+
+
+ASK = """
+source {script}
+COMP_WORDS=({line}); COMP_CWORD=$((${{#COMP_WORDS[@]}} - 1))
+$(complete -p symmb | sed 's/.*-F \\([^ ]*\\).*/\\1/')
+printf '%s\\n' "${{COMPREPLY[@]}}"
+"""
+
+
+@pytest.fixture
+def completed(tmp_path, capsys):
+    """What bash offers for the last word of a line."""
+    pytest.importorskip("shtab")
+    if shutil.which("bash") is None:
+        pytest.skip("needs bash")
+    assert main(["completion", "bash"]) == 0
+    script = tmp_path / "completion.bash"
+    script.write_text(capsys.readouterr().out)
+    (tmp_path / "door.py").touch()
+
+    def ask(line):
+        asked = ["bash", "--norc", "-c", ASK.format(script=script, line=line)]
+        run = subprocess.run(asked, cwd=tmp_path, capture_output=True, text=True, timeout=60)
+        assert not run.stderr
+        return set(run.stdout.split())
+
+    return ask
+
+
+@pytest.mark.parametrize(
+    "line, offered",
+    [
+        ("symmb comp", {"compare", "completion"}), ("symmb compare door.py --me", {"--methods"}),
+        ("symmb simulate do", {"door.py", "double_pendulum", "double_wishbone"}), ("symmb completion z", {"zsh"}),
+    ],
+)  # fmt: skip
+def test_bash_completes(completed, line, offered):
+    assert completed(line) == offered
+
+
+def test_zsh_has_a_script(capsys):
+    pytest.importorskip("shtab")
+    assert "#compdef symmb" in printed(capsys, "completion", "zsh")
+
+
+def test_without_shtab_a_sentence_tells_what_to_install(capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "shtab", None)
+    told = refused_command(capsys, "completion", "bash")
+    assert told.startswith("symmb completion: this command needs shtab, which is not installed.")
+
+
+PENDULUM = """
+import symmb as mb
+
+def scene():
+    rod = mb.Body("rod", 1.0, 0.0)
+    hinge = mb.Revolute("hinge", mb.Ground().point(0, 0), rod.point(0, {side}))
+    return mb.Scene(mb.System(rod, hinge, mb.Gravity(0, -9.81)), times=[0, 0.1], outputs={{"y": rod.y}})
+"""
+
+
+@pytest.mark.parametrize(("side", "status"), [(1.0, 0), (-1.0, 3)])
+@pytest.mark.filterwarnings("default::symmb.SymmbWarning")
+def test_an_unstable_equilibrium_is_a_doubt(tmp_path, capsys, side, status):
+    """The rod hangs, or stands upright."""
+    file = tmp_path / "pendulum.py"
+    file.write_text(PENDULUM.format(side=side))
+    doubts = written(tmp_path, "simulate", str(file), status=status)["doubts"]
+    assert ("unstable equilibrium" in capsys.readouterr().err) == bool(status)
+    assert len(doubts) == bool(status) and all("unstable equilibrium" in doubt for doubt in doubts)
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="a device that is always full")
+@pytest.mark.parametrize(("closing", "status"), [(">/dev/full", 2), (">&-", 0), (">&- 2>&-", 0)])
+def test_an_output_that_cannot_be_written_is_told(closing, status, tmp_path):
+    command = f"exec {sys.executable} -m symmb.show.cli cache {closing}"
+    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
+    end = subprocess.run(["sh", "-c", command], capture_output=True, text=True, env=environment)
+    assert end.returncode == status and "Traceback" not in end.stderr
+    assert end.stderr.count("\n") == (status == 2)

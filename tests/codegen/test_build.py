@@ -73,12 +73,18 @@ def compilers(monkeypatch):
     build._compiler.cache_clear()
 
 
-@pytest.fixture
-def no_building(monkeypatch):
-    def refuse(*arguments):
-        raise AssertionError("built although it is in the cache")
+def forget_compilers():
+    build._UNUSABLE.clear()
+    build._compiler.cache_clear()
+    build._loaded.cache_clear()
 
-    monkeypatch.setattr(build, "_built", refuse)
+
+def full(*arguments, **options):
+    raise OSError(errno.ENOSPC, "No space left on device")
+
+
+def short_pendulum():
+    return double_pendulum(np.linspace(0.0, 0.1, 3), box=mb.Box(l1=(0.95, 1.05)))
 
 
 def planted_in(folder, made):
@@ -87,9 +93,6 @@ def planted_in(folder, made):
     path = folder / f"{name.partition('-')[0]}-{hashlib.sha256(content).hexdigest()}.so"
     path.write_bytes(content)
     return path
-
-
-# --- keeping -------------------------------------------------------------------
 
 
 def test_the_folder_is_made_for_its_owner_alone(tmp_path, monkeypatch):
@@ -113,20 +116,14 @@ def test_a_relative_cache_home_counts_as_none(tmp_path, monkeypatch):
 def test_another_source_compiler_or_processor_is_another_library(folder, monkeypatch, changed):
     assert answer() == 42
     compiler = build._compiler()
-    other = {
-        "path": {"path": f"{Path(compiler.path).parent}/./{Path(compiler.path).name}"},
-        "version": {"version": "another"},
-        "flags": {"flags": (*compiler.flags, "-DOTHER")},
-    }
+    path = f"{Path(compiler.path).parent}/./{Path(compiler.path).name}"
+    other = {"path": path, "version": "another", "flags": (*compiler.flags, "-DOTHER")}
     if changed in other:
-        monkeypatch.setattr(build, "_compiler", lambda: replace(compiler, **other[changed]))
+        monkeypatch.setattr(build, "_compiler", lambda: replace(compiler, **{changed: other[changed]}))
     if changed == "processor":
         monkeypatch.setattr(build, "_processor", lambda: "another")
     assert answer(ANSWER + "\n" * (changed == "source")) == 42
     assert len({path.name.partition("-")[0] for path in cache.contents() if path.suffix != ".note"}) == 2
-
-
-# --- many processes, and killed ones -------------------------------------------
 
 
 def test_processes_that_build_the_same_at_once_all_get_it(folder):
@@ -156,9 +153,6 @@ def test_what_a_process_killed_while_writing_leaves_is_not_loaded(folder, made):
     assert {path.name for path in cache.contents()} == {part, made[0]}
 
 
-# --- damaged -------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     "damage",
     [
@@ -179,11 +173,9 @@ def test_a_damaged_library_is_built_again(folder, made, damage):
     assert [hashlib.sha256(path.read_bytes()).hexdigest() in path.name for path in libraries(folder)] == [True]
 
 
-# --- planted -------------------------------------------------------------------
-
-
-def test_a_planted_library_would_be_found(folder, made, no_building):
+def test_a_planted_library_would_be_found(folder, made, monkeypatch):
     """What the tests below refuse is loaded, and not built again, where nothing speaks against it."""
+    monkeypatch.setattr(build, "_built", lambda *_: pytest.fail("built although it is in the cache"))
     planted_in(folder, made)
     assert answer() == 666
 
@@ -221,18 +213,15 @@ def test_nothing_given_away_is_loaded(folder, made, place):
 
 @pytest.mark.parametrize("kind", ["writable by others", "writable by the group", "link", "pipe", "folder"])
 def test_no_such_file_is_loaded(folder, made, tmp_path, kind):
-    path = planted_in(folder, made)
-    if kind.startswith("writable"):
-        path.chmod(0o702 if "others" in kind else 0o720)
-    else:
-        elsewhere = tmp_path / "elsewhere.so"
-        path.replace(elsewhere)
-        if kind == "link":
-            path.symlink_to(elsewhere)
-        elif kind == "pipe":
-            os.mkfifo(path, 0o600)
-        else:
-            path.mkdir()
+    path, elsewhere = planted_in(folder, made), tmp_path / "elsewhere.so"
+    change = {
+        "writable by others": lambda: path.chmod(0o702),
+        "writable by the group": lambda: path.chmod(0o720),
+        "link": lambda: path.replace(elsewhere) and path.symlink_to(elsewhere),
+        "pipe": lambda: path.replace(elsewhere) and os.mkfifo(path, 0o600),
+        "folder": lambda: path.replace(elsewhere) and path.mkdir(),
+    }
+    change[kind]()
     assert answer() == 42
 
 
@@ -256,9 +245,6 @@ def test_nothing_is_built_where_others_can_write(folder, tmp_path, monkeypatch):
     refused(f"others can write to {shared}.*set TMPDIR", answer, error=mb.SymmbError)
 
 
-# --- no room -------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("blocked", ["cache", "cache/symmb"])
 def test_without_a_folder_it_is_built_each_time(tmp_path, monkeypatch, blocked):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
@@ -268,18 +254,15 @@ def test_without_a_folder_it_is_built_each_time(tmp_path, monkeypatch, blocked):
     assert answer() == 42
 
 
-@pytest.mark.skipif(os.name != "posix" or os.getuid() == 0, reason="root writes anywhere")
-def test_an_unwritable_folder_is_no_hindrance(folder):
-    folder.chmod(0o500)
-    assert answer() == 42
-    assert list(folder.iterdir()) == []
+NO_ROOT = pytest.mark.skipif(os.name != "posix" or os.getuid() == 0, reason="root writes anywhere")
 
 
-def test_a_full_folder_is_no_hindrance(folder, monkeypatch):
-    def full(*arguments):
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    monkeypatch.setattr(os, "replace", full)
+@pytest.mark.parametrize("kind", [pytest.param("unwritable", marks=NO_ROOT), "full"])
+def test_a_folder_that_takes_nothing_is_no_hindrance(folder, monkeypatch, kind):
+    if kind == "full":
+        monkeypatch.setattr(os, "replace", full)
+    else:
+        folder.chmod(0o500)
     assert answer() == 42
     assert list(folder.iterdir()) == []
 
@@ -288,9 +271,6 @@ def test_a_source_that_no_compiler_builds_is_told(folder, compilers):
     with pytest.raises(build.NoCompilerError), pytest.warns(mb.SymmbWarning, match="cannot build a model: .*error"):
         build.load("this is no C\n")
     assert libraries(folder) == []
-
-
-# --- compilers -----------------------------------------------------------------
 
 
 @pytest.mark.parametrize("unknown", ["-march=native", "-lmvec"])
@@ -326,8 +306,7 @@ def let_hang_briefly(monkeypatch, *words):
 @pytest.mark.parametrize("given", ["gcc-99", "gcc-99 -O1", "/no/such/cc"])
 def test_a_cc_that_is_not_there_is_told(folder, compilers, monkeypatch, given):
     monkeypatch.setenv("CC", given)
-    with pytest.warns(mb.SymmbWarning, match=f"CC is '{given}', but there is no such program"):
-        assert build.has_compiler()
+    assert warned(f"CC is '{given}', but there is no such program", build.has_compiler)
 
 
 def test_a_compiler_that_does_not_answer_in_time_is_named(folder, compilers, monkeypatch):
@@ -396,8 +375,7 @@ def test_a_compiler_that_does_not_work_gives_way_to_the_next(folder, compilers, 
     monkeypatch.setenv("CC", str(compiler))
     if "hangs" in kind:
         let_hang_briefly(monkeypatch, str(compiler), "--version" if "once" in kind else "-o")
-    with pytest.warns(mb.SymmbWarning, match=f"{compiler} is not used: .*{told}"):
-        assert build.load(ANSWER).answer() == 42
+    assert warned(f"{compiler} is not used: .*{told}", build.load, ANSWER).answer() == 42
     assert build._compiler().path != str(compiler)
 
 
@@ -419,41 +397,30 @@ def test_a_compiler_that_fails_at_a_model_gives_way_to_the_next_and_then_to_cvod
     monkeypatch.setenv("CC", str(compiler))
     if "sleep" in how:
         let_hang_briefly(monkeypatch, str(compiler), "model.c")
-    with pytest.warns(mb.SymmbWarning, match=f"{compiler} is not used"):
-        assert build.load(ANSWER, "answer").answer() == 42
-    build._UNUSABLE.clear()
-    build._compiler.cache_clear()
-    build._loaded.cache_clear()
+    assert warned(f"{compiler} is not used", build.load, ANSWER, "answer").answer() == 42
+    forget_compilers()
     monkeypatch.setattr(shutil, "which", lambda name: str(compiler) if name == str(compiler) else None)
-    scene = double_pendulum(np.linspace(0.0, 0.1, 3), box=mb.Box(l1=(0.95, 1.05)))
+    scene = short_pendulum()
     with pytest.warns(mb.SymmbWarning, match="is not used|Without a C compiler runs take") as told:
         bounds = mb.propagate(scene, mb.Vertex())
     assert ["Without a C compiler" in str(warning.message) for warning in told] == [False, True]
     assert all(f"{compiler} is not used" in str(warning.message) for warning in told)
     for solver in mb.DormandPrince(), mb.Rosenbrock():
-        with pytest.raises(build.NoCompilerError):
-            mb.propagate(scene, mb.Vertex(), solver=solver)
+        refused(None, mb.propagate, scene, mb.Vertex(), solver=solver, error=build.NoCompilerError)
     np.testing.assert_allclose(bounds.lower, mb.propagate(scene, mb.Vertex(), solver=mb.CVODES()).lower, atol=1e-5)
 
 
 @pytest.mark.parametrize("place", ["missing", "full"])
 def test_a_bad_folder_for_temporary_files_gives_way_to_cvodes(folder, compilers, tmp_path, monkeypatch, place):
-    def refuse(*arguments, **options):
-        raise OSError(errno.ENOSPC, "No space left on device")
-
     if place == "missing":
         monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "missing"))
     else:
-        monkeypatch.setattr(Path, "write_text", refuse)
-    scene = double_pendulum(np.linspace(0.0, 0.1, 3), box=mb.Box(l1=(0.95, 1.05)))
+        monkeypatch.setattr(Path, "write_text", full)
+    scene = short_pendulum()
     bounds = warned("is not used: .*(No space left|No such file)|No C compiler found", mb.propagate, scene, mb.Vertex())
     monkeypatch.undo()
-    build._UNUSABLE.clear()
-    build._compiler.cache_clear()
+    forget_compilers()
     np.testing.assert_allclose(bounds.lower, mb.propagate(scene, mb.Vertex()).lower, atol=1e-5)
-
-
-# --- what the flags leave alone ------------------------------------------------
 
 
 def test_nan_and_infinity_pass_through():
@@ -473,14 +440,9 @@ def test_nan_and_infinity_pass_through():
         "v_pow(a, zero() + 0.5)": [nan, inf, inf, nan],
         "v_tan(a)": [math.tan(-1.0), nan, nan, nan],
     }
-    header = c_source("lanes")
-    lines = "".join(
-        f"{{ V b = {e}; for (int l = 0; l < 4; ++l) out[{4 * i} + l] = b[l]; }}\n" for i, e in enumerate(expected)
-    )
-    library = build.load(
-        f"{header}\nvoid all(const double *in, double *out) {{\nV a = zero();\n"
-        f"for (int l = 0; l < W; ++l) a[l] = in[l % 4];\n{lines}}}\n"
-    )
+    lines = [f"{{ V b = {e}; for (int l = 0; l < 4; ++l) out[{4 * i} + l] = b[l]; }}" for i, e in enumerate(expected)]
+    begin = "void all(const double *in, double *out) {\nV a = zero();\nfor (int l = 0; l < W; ++l) a[l] = in[l % 4];"
+    library = build.load("\n".join([c_source("lanes"), begin, *lines, "}\n"]))
     values, told = (ctypes.c_double * 4)(-1.0, inf, -inf, nan), (ctypes.c_double * (4 * len(expected)))()
     library.all(values, told)
     for i, (expression, wanted) in enumerate(expected.items()):

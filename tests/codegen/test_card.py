@@ -11,9 +11,12 @@ from importlib import import_module
 from typing import Any
 
 import casadi as ca
+import machines
 import numpy as np
 import pytest
+from faults import refused
 from scipy.stats import uniform
+from small_scenes import formulas, particle
 
 import symmb as mb
 from symmb.run.codegen import Card
@@ -22,7 +25,6 @@ from symmb.run.formulations import CardEnsemble
 from symmb.study.tolerances import of_outputs
 
 CXX = shutil.which("g++") or shutil.which("clang++")
-NEEDED = pytest.mark.skipif(CXX is None, reason="needs a C++ compiler")
 SAME = 1e-12
 """Largest difference from lanes, over the largest value of an output. Each lane runs the same sample."""
 SHIM = """
@@ -70,9 +72,11 @@ class Processor(Card):
     _count = itertools.count()  # a path whose library is open would give this library
 
     def __init__(self, folder, room: int = 10**9) -> None:
-        self.folder, self.room, self.launches = folder, room, 0
+        self.folder, self.room, self.launches, self.sent = folder, room, 0, 0
 
     def kernels(self, source: str):
+        if CXX is None:
+            pytest.skip("needs a C++ compiler")
         path = self.folder / f"{next(self._count)}.so"
         flags = ["-O1", "-ffp-contract=off", "-std=c++17", "-shared", "-fPIC", "-pthread", "-w", "-x", "c++", "-"]
         text = f"{SHIM}{source}{LAUNCH}"
@@ -87,6 +91,7 @@ class Processor(Card):
         return Bytes(size, content)
 
     def read(self, memory: Any, to: np.ndarray) -> np.ndarray:
+        self.sent = max(self.sent, to.nbytes)  # at once
         to.reshape(-1).view(np.uint8)[:] = memory.bytes[: to.nbytes]
         return to
 
@@ -119,7 +124,6 @@ def differs(own: np.ndarray, other: np.ndarray) -> np.ndarray:
     return np.abs(own - other).max(axis=(0, 1)) / np.maximum(np.abs(own).max(axis=(0, 1)), np.finfo(float).tiny)
 
 
-@NEEDED
 @pytest.mark.parametrize("name", [*MODELS, *(pytest.param(name, marks=pytest.mark.long) for name in OTHERS)])
 def test_samples_are_those_of_lanes(tmp_path, name):
     lanes = prepared(name)
@@ -155,16 +159,14 @@ def assert_reduced(runs: CardEnsemble, Y: np.ndarray) -> None:
             assert np.array_equal(own, np.histogram(np.clip(values[:, i, k], low, high), 7, (low, high))[0])
 
 
-@NEEDED
 @pytest.mark.parametrize("n", [0, 1, 31, 33])
 def test_reductions_are_those_of_all_outputs(tmp_path, n):
-    scene = falling(6.0)
+    scene = falling()
     card = mb.prepare(scene, mb.DormandPrince()).on_card(Processor(tmp_path))
     P = np.linspace(1.0, 9.0, 33)[:n, None]
     assert_reduced(card_runs(card, P), card.run(P).Y)
 
 
-@NEEDED
 @pytest.mark.parametrize("name", ["double_pendulum", "bouncing_ball"])
 def test_portions_do_not_change_results(tmp_path, name):
     lanes, P = prepared(name), samples_of(prepared(name), 150)
@@ -179,18 +181,14 @@ def test_portions_do_not_change_results(tmp_path, name):
         assert np.array_equal(whole.events, parts.events) and whole.events[:, -1].min() > 0
 
 
-def falling(depth: float) -> mb.Scene:
+def falling() -> mb.Scene:
     """A particle in a force that is not defined below a height, which depends on the parameter."""
-    p = mb.Parameters(depth=depth)
-    ball = mb.Body("ball", 1.0, pose=mb.Particle())
-    law = mb.Force("force", ball.point(0, 0), ((ball.y + p.depth) ** 0.5, 0, 0))
-    system = mb.System(ball, mb.Gravity(0, -9.81), law, parameters=p)
-    return mb.Scene(system, {}, np.linspace(0, 1, 11), {"x": ball.x, "y": ball.y}, mb.Box(depth=(1.0, 9.0)))
+    times, outputs = np.linspace(0, 1, 11), ("x", "y")
+    return particle(lambda p, mass: ((mass.y + p.depth) ** 0.5, -9.81, 0), times, {}, outputs, depth=(1.0, 9.0))
 
 
-@NEEDED
 def test_failed_samples_have_times_and_reasons_and_no_extremes(tmp_path):
-    lanes = mb.prepare(falling(6.0), mb.DormandPrince())
+    lanes = mb.prepare(falling(), mb.DormandPrince())
     P = np.linspace(1.0, 9.0, 33)[:, None]
     for room in (10**9, 4000):
         card = lanes.on_card(Processor(tmp_path, room))
@@ -203,7 +201,6 @@ def test_failed_samples_have_times_and_reasons_and_no_extremes(tmp_path):
         assert_reduced(card_runs(card, P), other.Y)
 
 
-@NEEDED
 @pytest.mark.parametrize("method", [mb.PolynomialChaos(order=3), mb.Scanning(5), mb.MonteCarlo(40)])
 def test_studies_have_the_bounds_of_lanes(tmp_path, method):
     scene = import_module("models.double_pendulum").scene()
@@ -216,14 +213,11 @@ def test_studies_have_the_bounds_of_lanes(tmp_path, method):
     assert (np.abs(own.upper - other.upper).max(axis=0) <= 1e-6 * width).all()
 
 
-@NEEDED
 def test_reasons_name_the_contacts_of_failed_samples(tmp_path):
     """A drive reaches a stop that cannot rebound at the time `at`, for some samples before the end."""
-    p = mb.Parameters(at=1.0)
-    ball = mb.Body("ball", 1.0, pose=mb.Particle())
-    drive, stop = mb.Motion("drive", ball.x, 1 - mb.t / p.at), mb.Impact("stop", ball.x, 0.5)
-    floor = mb.Impact("floor", ball.y + 0.1, 0.5)
-    system = mb.System(ball, drive, stop, floor, mb.Gravity(0, -9.81), parameters=p)
+    p, ball = mb.Parameters(at=1.0), mb.Body("ball", 1.0, pose=mb.Particle())
+    stops = mb.Impact("stop", ball.x, 0.5), mb.Impact("floor", ball.y + 0.1, 0.5)
+    system = mb.System(ball, mb.Motion("drive", ball.x, 1 - mb.t / p.at), *stops, mb.Gravity(0, -9.81), parameters=p)
     scene = mb.Scene(system, {"ball.y": 0.0}, np.linspace(0, 1, 5), {"y": ball.y})
     card = mb.prepare(scene).on_card(Processor(tmp_path))
     P = np.array([3.0, 0.5, 2.5, 0.7, 0.6, 4.0])[:, None]
@@ -235,36 +229,22 @@ def test_reasons_name_the_contacts_of_failed_samples(tmp_path):
     assert_reduced(card_runs(card, P), card.run(P).Y)
 
 
-class Counting(Processor):
-    """A processor in place of a card that stores the largest number of runs whose outputs it has sent."""
-
-    sent = 0
-
-    def read(self, memory: Any, to: np.ndarray) -> np.ndarray:
-        self.sent = max(self.sent, to.nbytes)
-        return super().read(memory, to)
-
-
 def spring(output: str) -> mb.Scene:
     """A mass that meets a stiffer spring, with few output times."""
-    p = mb.Parameters(k=30.0)
-    mass = mb.Body("mass", 1.0, pose=mb.Particle())
-    force = mb.Force("force", mass.point(0, 0), (ca.if_else(mass.x < 0, -9 * p.k, -p.k) * mass.x, 0))
-    system, named = mb.System(mass, force, parameters=p), {"x": mass.x, "top": mb.maximum(mass.vx)}
-    return mb.Scene(system, {"mass.x": 1.0}, np.array([0.0, 2.0]), {output: named[output]})
+    law = lambda p, mass: ca.if_else(mass.x < 0, -9 * p.k, -p.k) * mass.x  # noqa: E731
+    scene = particle(law, np.array([0.0, 2.0]), {"mass.x": 1.0}, k=(25.0, 35.0))
+    return scene if output == "x" else scene.with_outputs({"top": mb.maximum(scene.system.bodies[0].vx)})
 
 
-@NEEDED
 @pytest.mark.parametrize("output", ["x", "top"])
 def test_blocks_of_values_take_little_memory(tmp_path, monkeypatch, output):
     """Passes of switches take more than values, and scalar outputs need values at many times."""
     monkeypatch.setattr("symmb.run.formulations.ensembles.NUMBERS_ON_CARD", most := 2**17)
-    card = Counting(tmp_path)
+    card = Processor(tmp_path)
     found = mb.sweep(spring(output), {"k": np.linspace(25, 35, 600)}, solver=mb.DormandPrince(), device=card)
     assert found.ok.all() and card.sent <= 8 * most
 
 
-@NEEDED
 def test_studies_of_prepared_scenes_with_scalar_outputs_run_on_the_card(tmp_path):
     card = Processor(tmp_path)
     prepared = mb.prepare(spring("top"), mb.DormandPrince(), device=card)
@@ -274,16 +254,14 @@ def test_studies_of_prepared_scenes_with_scalar_outputs_run_on_the_card(tmp_path
     assert np.ravel(found["top"]) == pytest.approx([5.0, 35**0.5], rel=1e-7)
 
 
-@NEEDED
 def test_simulators_of_some_outputs_run_on_the_card(tmp_path):
     card = Processor(tmp_path)
-    own = of_outputs(mb.prepare(falling(6.0), mb.DormandPrince(), device=card), mb.Box(depth=(5.0, 7.0)), ["y"])
+    own = of_outputs(mb.prepare(falling(), mb.DormandPrince(), device=card), mb.Box(depth=(5.0, 7.0)), ["y"])
     assert tuple(own.outputs) == ("y",) and isinstance(own, mb.DAESimulator) and own.program.card is card
 
 
-@NEEDED
 def test_worst_cases_repeat_no_block(tmp_path):
-    scene, card = import_module("models.double_pendulum").scene(), Counting(tmp_path)
+    scene, card = import_module("models.double_pendulum").scene(), Processor(tmp_path)
     bounds = mb.propagate(scene, mb.MonteCarlo(400), solver=mb.DormandPrince(), device=card)
     case = bounds.worst("x2").upper
     assert card.sent < 400 * bounds.lower.nbytes / 2
@@ -292,13 +270,11 @@ def test_worst_cases_repeat_no_block(tmp_path):
     assert found["x2"][i] == pytest.approx(bounds["x2"][1][i], abs=1e-8)
 
 
-@NEEDED
 def test_quantiles_and_moments_of_many_runs(tmp_path, monkeypatch):
-    p = mb.Parameters(a=0.5)
-    ball = mb.Body("ball", 1.0, pose=mb.Particle())
-    system, times = mb.System(ball, mb.Gravity(0, -9.81), parameters=p), np.linspace(0.0, 1.0, 5)
-    step = ca.if_else(p.a < 0.4, 0.0, 1.0)  # polynomials do not follow it
-    scene = mb.Scene(system, {"ball.vx": p.a / 4}, times, {"y": step + ball.x}, mb.Box(a=(0.0, 1.0)))
+    machine, times = machines.ball(a=0.5), np.linspace(0.0, 1.0, 5)
+    a = machine.p.a
+    outputs = {"y": ca.if_else(a < 0.4, 0.0, 1.0) + machine.ball.x}  # polynomials do not follow the step
+    scene = machine.scene(outputs, times, {"ball.vx": a / 4}, box=mb.Box(a=(0.0, 1.0)))
     for module in ("law_samples", "statistical"):
         monkeypatch.setattr(f"symmb.bound.bounds.{module}.SAMPLES_ON_CARD", 2**10)
     bounds = mb.propagate(scene, mb.Vertex(), solver=mb.DormandPrince(), device=Processor(tmp_path))
@@ -317,21 +293,16 @@ def test_quantiles_and_moments_of_many_runs(tmp_path, monkeypatch):
 def test_refusals(tmp_path):
     scene = import_module("models.double_pendulum").scene()
     for device in ("gpu", 0, True, Processor, np.array([1, 2])):
-        with pytest.raises(mb.DeclarationError, match="expected 'cuda' or None, got "):
-            mb.prepare(scene, device=device)  # pyright: ignore[reportArgumentType]
+        refused("expected 'cuda' or None, got ", mb.prepare, scene, device=device)
     for solver in (mb.CVODES(), mb.BDFI3()):
-        with pytest.raises(mb.DeclarationError, match="Graphics cards run explicit solvers"):
-            mb.prepare(scene, solver, device=Processor(tmp_path))
+        refused("Graphics cards run explicit solvers", mb.prepare, scene, solver, device=Processor(tmp_path))
     black_box = mb.FunctionSimulator(lambda a: [[a]], {"a": 1.0}, np.zeros(1), ["y"])
+    box, own = mb.Box(a=(0.0, 1.0)), "its own solver, times, outputs and device"
     for simulator in (mb.prepare(scene), black_box):
-        with pytest.raises(mb.DeclarationError, match="its own solver, times, outputs and device"):
-            mb.propagate(simulator, mb.Vertex(), mb.Box(a=(0.0, 1.0)), device="cuda")
-    p = mb.Parameters(a=1.0)
-    still = mb.Scene(mb.System(mb.Ground(), parameters=p), times=np.linspace(0, 1, 2), outputs={"y": p.a * mb.t})
-    with pytest.raises(mb.DeclarationError, match=r"has no states.*Leave out device"):
-        mb.prepare(still, device=Processor(tmp_path))
-    with pytest.raises((ImportError, CardError), match="graphics card"):
-        mb.propagate(scene, mb.Vertex(), device="cuda")
+        refused(own, mb.propagate, simulator, mb.Vertex(), box, device="cuda")
+    still = formulas(lambda p: {"y": p.a * mb.t}, (0.0, 1.0), a=(0.0, 2.0))
+    refused(r"has no states.*Leave out device", mb.prepare, still, device=Processor(tmp_path))
+    refused("graphics card", mb.propagate, scene, mb.Vertex(), device="cuda", error=(ImportError, CardError))
 
 
 class Driver:
@@ -355,14 +326,12 @@ class Driver:
     def cuDeviceGet(self, number):
         return self._result(number)
 
-    def cuDevicePrimaryCtxRetain(self, device):
-        return self._result("context")
+    cuDevicePrimaryCtxRetain = cuDeviceGet  # a context has the number of its device
 
-    def cuCtxSetCurrent(self, context):
+    def cuCtxSetCurrent(self, *context):
         return self._result()
 
-    def cuCtxSynchronize(self):
-        return self._result()
+    cuCtxSynchronize = cuCtxSetCurrent
 
     def cuDeviceGetAttribute(self, attribute, device):
         return self._result(9 if attribute.name.endswith("MAJOR") else 0)
@@ -402,7 +371,6 @@ class Driver:
         return self._result()
 
 
-@NEEDED
 def test_the_driver_makes_the_runs(tmp_path, monkeypatch):
     lanes = prepared("double_pendulum")
     P = samples_of(lanes, 3)
@@ -418,19 +386,15 @@ def test_the_driver_makes_the_runs(tmp_path, monkeypatch):
     _ = card.run(np.resize(P, (64, P.shape[1]))).extremes()
     assert driver.processor.launches > before + 4
     driver.room = 1000
-    with pytest.raises(CardError, match="too little free memory"):
-        _ = card.run(P).Y
+    refused("too little free memory", lambda: card.run(P).Y, error=CardError)
     told = {"INVALID_IMAGE": "driver of the graphics card is older", "UNKNOWN": "CUDA_ERROR_UNKNOWN in cuModuleLoad"}
     for code, text in told.items():
         driver.loads = f"CUDA_ERROR_{code}"
-        with pytest.raises(CardError, match=text):
-            lanes.on_card(CudaCard())
+        refused(text, lanes.on_card, CudaCard(), error=CardError)
     monkeypatch.setitem(sys.modules, "cuda.bindings.driver", Driver(tmp_path, devices=0, room=0))
-    with pytest.raises(CardError, match=r"no graphics card of NVIDIA with a working driver.*CUDA_ERROR_NO_DEVICE"):
-        CudaCard()
+    refused(r"no graphics card of NVIDIA with a working driver.*CUDA_ERROR_NO_DEVICE", CudaCard, error=CardError)
     monkeypatch.setitem(sys.modules, "cuda.bindings.driver", None)
-    with pytest.raises(ImportError, match=r"pip install 'symmb\[cuda\]'"):
-        CudaCard()
+    refused(r"pip install 'symmb\[cuda\]'", CudaCard, error=ImportError)
 
 
 @pytest.mark.parametrize("architecture", ["sm_80", "sm_90"])

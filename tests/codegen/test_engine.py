@@ -1,10 +1,11 @@
-"""The compiled engine against SciPy's DOP853 and closed forms; lanes that are lost."""
+"""The compiled engine against closed forms and SciPy; lanes that are lost or share steps with stiff ones; threads."""
 
 import os
 import pickle
 import platform
 import subprocess
 import sys
+import threading
 from dataclasses import replace
 from functools import cache
 from operator import attrgetter
@@ -18,11 +19,12 @@ from mechanisms import exact, explosion
 from numpy.testing import assert_allclose, assert_array_equal
 from processes import program
 from scipy import special
+from small_scenes import particle
 
 import symmb as mb
 from models import cubic, double_pendulum, stewart_platform
 from symmb.connect.simulator import Reduction
-from symmb.run.codegen import Engine, Lanes, StepTolerances, build, model_function
+from symmb.run.codegen import Engine, FailureCode, Lanes, StepTolerances, build, model_function, threads
 
 ROOT = Path(mb.__file__).parents[1]
 TIMES = np.linspace(0, 5, 41)
@@ -73,11 +75,10 @@ def test_extremes_are_those_of_the_values_whatever_the_threads():
     x0, p = rng.uniform(-1, 1, (203, 2)), rng.uniform(0.5, 1.5, (203, 1))
     engine = duffing()
     Y, _ = engine.values(x0, p)
-    for threads in (1, 2, 3):
-        assert_array_equal(engine.values(x0, p, threads)[0], Y)
-        lower, upper, failed_samples = engine.extremes(x0, p, threads)
-        assert_array_equal(lower, Y.min(axis=0))
-        assert_array_equal(upper, Y.max(axis=0))
+    for number in (1, 2, 3):
+        assert_array_equal(engine.values(x0, p, number)[0], Y)
+        lower, upper, failed_samples = engine.extremes(x0, p, number)
+        assert_array_equal([lower, upper], [Y.min(axis=0), Y.max(axis=0)])
         assert np.isnan(failed_samples.t_failed).all()
 
 
@@ -86,15 +87,13 @@ def test_an_output_that_is_not_finite_fails_its_sample_alone():
     v = scene.system.v[0]  # 1 / (1 - a t)
     simulator = mb.DAESimulator(scene.with_outputs({"root": ca.sqrt(1.55 - v)}), mb.DormandPrince())
     P = np.array([[0.0], [0.3], [0.1]])
-    good = simulator.run(P[[0, 2]])
-    both = simulator.run(P)
+    good, both = simulator.run(P[::2]), simulator.run(P)
     assert_array_equal(both.ok, [True, False, True])
     assert_allclose(both.t_failed[1], 1.2)
     assert both.messages == ("t = 1.2 s, a = 0.3: an output is not finite",)
     for ensemble in (both, simulator.run(P)):  # from values, and directly
-        lower, upper = ensemble.extremes()
+        assert_allclose(ensemble.extremes(), [good.Y.min(axis=0), good.Y.max(axis=0)], rtol=1e-9)
         assert_array_equal(ensemble.ok, [True, False, True])
-        assert_allclose([lower, upper], [good.Y.min(axis=0), good.Y.max(axis=0)], rtol=1e-9)
 
 
 @cache
@@ -145,11 +144,9 @@ def test_narrower_processors_share_steps_among_as_many_samples(narrow, tmp_path)
 
 
 def test_work_is_integrated_along():
-    p = mb.Parameters(c=0.4)
-    ball = mb.Body("ball", 1.0, pose=mb.Particle())
-    system = mb.System(ball, mb.Force("drag", ball.point(0, 0), (-p.c * ball.vx, 0)), parameters=p)
-    run = mb.simulate(mb.Scene(system, {"ball.vx": 1.0}, TIMES), mb.DormandPrince())
-    assert_allclose(run["ball.vx"], np.exp(-0.4 * TIMES), atol=1e-8)
+    scene = particle(lambda p, mass: -p.c * mass.vx, TIMES, {"mass.vx": 1.0}, ("vx",), c=(0.3, 0.5))
+    run = mb.simulate(scene, mb.DormandPrince())
+    assert_allclose(run["vx"], np.exp(-0.4 * TIMES), atol=1e-8)
     assert run.energy_drift < 1e-8 and run.energy.work[-1] < -0.3
 
 
@@ -191,6 +188,169 @@ def test_fixed_steps_are_those_of_casadi_s_loop(stabilization):
     simulator = mb.DAESimulator(scene, solver)
     P = np.array([[1.0, 1.0], [1.05, 0.9]])
     assert_allclose(simulator.run(P).Y[0], run.values, rtol=0, atol=1e-12)
-    lower, upper = simulator.run(P).extremes()
     Y = simulator.run(P).Y
-    assert_array_equal([lower, upper], [Y.min(axis=0), Y.max(axis=0)])
+    assert_array_equal(simulator.run(P).extremes(), [Y.min(axis=0), Y.max(axis=0)])
+
+
+STEPS = 3000
+"""Steps of a run. Those of good samples take less than 100."""
+RTOL = 1e-8
+BAD = {"k": 1e12, "c": 1e9, "-c": -5000.0, "m": 1e-12}
+
+
+def spring():
+    """m x'' = -k x - c x' - 10 m, with the parameters m, k and c."""
+    x, p, t = ca.SX.sym("x", 2), ca.SX.sym("p", 3), ca.SX.sym("t")
+    rates = ca.vertcat(x[1], -(p[1] * x[0] + p[2] * x[1]) / p[0] - 10)
+    lanes = Lanes(model_function(x, p, t, rates, x, None), StepTolerances(RTOL, RTOL / 100))
+    engine = Engine(lanes, np.linspace(0, 1, 11))
+    engine.most_steps = STEPS
+    return engine
+
+
+def run(engine, P):
+    Y, failed_samples = engine.values(np.full((len(P), 2), 0.1), P)
+    return Y, failed_samples, np.isnan(failed_samples.t_failed)
+
+
+def mixed(rng, n, n_bad):
+    """Parameters (n, 3), and the samples (n,) that are bad."""
+    P = np.stack([rng.uniform(1, 2, n), rng.uniform(50, 100, n), rng.uniform(0, 1, n)], axis=1)
+    bad = np.isin(np.arange(n), rng.choice(n, n_bad, replace=False))
+    for i in np.flatnonzero(bad):
+        name = rng.choice(list(BAD))
+        P[i, "mkc".index(name[-1])] = BAD[name] * rng.uniform(1, 1.5)
+    return P, bad
+
+
+def are_as_alone(engine, P, good):
+    """The runs together fail where they fail alone, and others have the values of the good ones of their block."""
+    Y, failed_samples, ok = run(engine, P)
+    alone = [run(engine, p[None]) for p in P]
+    assert_array_equal(ok, good)
+    assert_array_equal([one[2][0] for one in alone], good)
+    assert_array_equal(failed_samples.failure[good], 0)
+    assert_array_equal(np.isfinite(Y).all(axis=(1, 2)), good)
+    for y, one in zip(Y[good], np.array([one[0][0] for one in alone])[good], strict=True):
+        assert_allclose(y, one, atol=100 * RTOL)
+    for begin in range(0, len(P), engine.width):
+        block = slice(begin, begin + engine.width)
+        if good[block].any():
+            assert_array_equal(Y[block][good[block]], run(engine, P[block][good[block]])[0])
+    lower, upper, others = engine.extremes(np.full((len(P), 2), 0.1), P, 2)
+    assert_array_equal(np.isnan(others.t_failed), good)
+    assert_array_equal([lower, upper], [Y[good].min(axis=0), Y[good].max(axis=0)])
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_samples_beside_stiff_ones_run_as_alone(seed):
+    rng, engine = np.random.default_rng(seed), spring()
+    for n in rng.integers(2, 21, 3):
+        P, bad = mixed(rng, n, rng.integers(1, max(2, n // 2)))
+        are_as_alone(engine, P, ~bad)
+
+
+@pytest.mark.parametrize("name", ["k", "c", "m"])
+def test_each_lane_may_be_the_stiff_one(name):
+    engine = spring()
+    for place in range(8):
+        P, _ = mixed(np.random.default_rng(place), 8, 0)
+        P[place, "mkc".index(name)] = BAD[name]
+        are_as_alone(engine, P, np.arange(8) != place)
+
+
+def test_one_good_sample_among_bad_ones_of_many_kinds():
+    P, _ = mixed(np.random.default_rng(0), 8, 0)
+    P[:3, 1], P[3:7, 2] = [1e12, 1e10, 1e8], [1e9, 1e7, -5000, 1e6]
+    are_as_alone(spring(), P, np.arange(8) == 7)
+
+
+def test_samples_that_are_stiff_at_different_times_need_the_steps_of_one():
+    """x'' = -k x with k = 1e8 during a tenth of the time, which differs by sample: only all together are too long."""
+    x, p, t = ca.SX.sym("x", 2), ca.SX.sym("p", 1), ca.SX.sym("t")
+    rates = ca.vertcat(x[1], -(1 + 1e8 * ca.exp(-(((t - p) / 0.05) ** 2))) * x[0])
+    times = np.linspace(0, 1, 5)
+    engine = Engine(Lanes(model_function(x, p, t, rates, x, None), StepTolerances(1e-8, 1e-10)), times)
+    P, x0 = np.linspace(0, 1, 8)[:, None], np.ones((8, 2))
+    alone, steps = zip(*[(engine.values(x0[:1], p[None])[0][0], engine.counts.steps) for p in P], strict=True)
+    longest = max(steps)
+    engine.values(x0, P)
+    assert engine.counts.steps > 2 * longest
+    engine.most_steps = longest + 1
+    Y, failed_samples = engine.values(x0, P)
+    assert np.isnan(failed_samples.t_failed).all()
+    assert_allclose(Y, alone, atol=1e-5 * np.abs(alone).max())
+
+
+def test_a_block_of_bad_samples_costs_few_runs():
+    """The run of the block, and three runs alone. The other samples are taken to fail alone too."""
+    engine, P = spring(), mixed(np.random.default_rng(0), 8, 0)[0]
+    P[:, 1] = 1e12
+    _, failed_samples, ok = run(engine, P)
+    assert not ok.any() and (failed_samples.failure == FailureCode.MANY).all()
+    assert engine.counts.steps == 4 * STEPS
+
+
+def test_failures_beside_too_many_steps_keep_their_reasons():
+    """A sample with negative damping grows until its state is infinite; beside a stiff one it has the same reason."""
+    P = mixed(np.random.default_rng(1), 3, 0)[0]
+    P[:, 2] = [1e9, 0.5, -1e4]
+    _, failed_samples, ok = run(spring(), P)
+    assert_array_equal(ok, [False, True, False])
+    assert_array_equal(failed_samples.failure, [FailureCode.MANY, 0, run(spring(), P[2:])[1].failure[0]])
+
+
+@pytest.mark.parametrize("solver", [mb.DormandPrince(), mb.Rosenbrock(), mb.NSTIFFSI2(rtol=1e-4)], ids=repr)
+def test_scenes_run_beside_stiff_samples_with_every_solver_with_step_control(solver):
+    p = mb.Parameters(m=1.3, k=90.0, c=0.5)
+    body = mb.Body("b", p.m, pose=mb.Particle())
+    force = mb.SpringDamper("s", mb.Ground().point(0, 1), body.point(0, 0), p.k, p.c, length=0.8)
+    system = mb.System(body, force, mb.Gravity(0, -9.81), parameters=p)
+    simulator = mb.DAESimulator(
+        mb.Scene(system, {"b.y": 0.1, "b.x": 0.05}, np.linspace(0, 1, 6), {"y": body.y}), solver
+    )
+    simulator.program.engine().most_steps = 5000
+    good = [[1.3, 90.0, 0.5], [1.5, 70.0, 0.1]]
+    P = np.array([good[0], [1.3, 1e12, 0.5], good[1], [1.3, 1e13, 0.5]])
+    ensemble = simulator.run(P)
+    assert_array_equal(ensemble.ok, [True, False, True, False])
+    assert_array_equal(ensemble.Y[[0, 2]], simulator.run(np.array(good)).Y)
+    assert "steps are not enough" in ensemble.messages[0]
+
+
+@pytest.fixture(params=[0, 1, 3])
+def few(request, monkeypatch):
+    """How many threads can be started at the same time."""
+    start, before = threading.Thread.start, threading.active_count()
+
+    def limited(thread):
+        if threading.active_count() - before >= request.param:
+            raise RuntimeError("can't start new thread")
+        start(thread)
+
+    monkeypatch.setattr(threading.Thread, "start", limited)
+    return request.param
+
+
+def test_cores_are_as_many_as_threads_can_be_started(few, monkeypatch):
+    monkeypatch.setattr(threads.os, "sched_getaffinity", lambda process: range(8), raising=False)
+    assert threads.cores() == max(few, 1)
+
+
+def test_all_arguments_get_their_result(few):
+    assert threads.side_by_side(lambda k: k**2, range(6)) == [0, 1, 4, 9, 16, 25]
+
+
+def test_all_pieces_are_done(few):
+    lock, done = threading.Lock(), []
+
+    def work(counter):
+        while True:
+            with lock:
+                counter.value += 1
+                if counter.value > 1000:
+                    return
+                done.append(counter.value)
+
+    threads.on_threads(work, 1000, 1.0)
+    assert done == list(range(1, 1001))

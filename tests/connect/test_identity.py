@@ -11,7 +11,7 @@ import types
 import numpy as np
 import pandas
 import pytest
-from faults import told_in_a_line
+from faults import refused, told_in_a_line
 from scipy.interpolate import CubicSpline
 
 import symmb as mb
@@ -53,10 +53,7 @@ def closed(value):
 
 
 def with_default(value):
-    def f(k, *, value=value):
-        return value * k
-
-    return f
+    return lambda k, *, value=value: value * k
 
 
 def doubled(f, factor):
@@ -85,11 +82,6 @@ class Holder:
 def one_line(c):
     f, g = (lambda k: 2.0 * k), (lambda k: 3.0 * k)
     return f if c == 1 else g
-
-
-@contextlib.contextmanager
-def plain(k):
-    yield k
 
 
 KINDS = {
@@ -134,20 +126,18 @@ def test_comments_and_lines_do_not_count():
 
 def test_what_cannot_be_seen_asks_for_a_version(tmp_path):
     lock = threading.Lock()
-    made = mb.FunctionSimulator(closed(lock), {"k": 1.0}, [0.0], ["x"])
+    made, other = (mb.FunctionSimulator(f, {"k": 1.0}, [0.0], ["x"]) for f in (closed(lock), doubled(closed(lock), 2)))
     with told_in_a_line("Pass version="):
         mb.StoredSimulator(made, tmp_path / "runs.db")
-    told = mb.StoredSimulator(made, tmp_path / "runs.db", version="1").identity
-    other = mb.FunctionSimulator(doubled(closed(lock), 2), {"k": 1.0}, [0.0], ["x"])
-    assert told != mb.StoredSimulator(other, tmp_path / "runs.db", version="1").identity
+    one, two = (mb.StoredSimulator(own, tmp_path / "runs.db", version="1").identity for own in (made, other))
+    assert one != two
 
 
 def test_too_deep_is_told():
     nest = []
     for _ in range(100000):
         nest = [nest]
-    with pytest.raises(mb.DeclarationError, match="too deeply nested"):
-        digest(closed(nest))
+    refused("too deeply nested", digest, closed(nest))
     while nest:  # one by one: the interpreter would free them by recursion
         nest = nest.pop()
 

@@ -9,6 +9,8 @@ import threading
 import time
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import closing
+from pathlib import Path
+from types import SimpleNamespace
 
 import kill_studies
 import numpy as np
@@ -21,6 +23,7 @@ from symmb.connect import run_blocks, run_database
 from symmb.connect.run_database import open_run_database
 from symmb.show.cli.main import main
 
+EXAMPLES = Path(__file__).parents[2] / "examples"
 TIMES = np.linspace(0.0, 1.0, 11)
 BOX = mb.Box(a=(0.5, 1.5), b=(0.8, 1.2))
 
@@ -31,19 +34,35 @@ def response(a, b):
     return np.column_stack([np.exp(-a * TIMES), np.sin(b * TIMES)])
 
 
-def simulator(f, **options):
-    return mb.FunctionSimulator(f, {"a": 1.0, "b": 1.0}, TIMES, ["x", "y"], **options)
+def simulator(f, times=TIMES, outputs=("x", "y"), **options):
+    return mb.FunctionSimulator(f, {"a": 1.0, "b": 1.0}, times, outputs, **options)
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "runs.db"
+
+
+@pytest.fixture
+def stored(path):
+    return mb.StoredSimulator(simulator(response), path)
+
+
+def change(path, script):
+    with closing(sqlite3.connect(path)) as connection:
+        connection.executescript(script)
+
+
+def asked(path, question):
+    """The first value of an answer."""
+    with closing(sqlite3.connect(path)) as connection:
+        return connection.execute(question).fetchone()[0]
 
 
 def counting(identity=None):
     """A simulator, known by an identity of its own or another, and the list of its calls."""
     calls = []
-
-    def f(a, b):
-        calls.append((a, b))
-        return response(a, b)
-
-    made = simulator(f)
+    made = simulator(lambda a, b: calls.append((a, b)) or response(a, b))
     if identity:
         object.__setattr__(made, "identity", lambda: identity)
     return made, calls
@@ -58,63 +77,44 @@ METHODS = [mb.PolynomialChaos(budget=60), mb.MonteCarlo(40), mb.Scanning(5), mb.
 
 @pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
 @pytest.mark.parametrize("method", METHODS, ids=repr)
-def test_stored_runs_give_the_same_bounds_and_are_not_made_again(method, tmp_path):
+def test_stored_runs_give_the_same_bounds_and_are_not_made_again(method, path):
     plain = method.bounds(simulator(response), BOX)
     for expected in plain.evaluations, 0:
         made, calls = counting("response")
-        assert bits(method.bounds(mb.StoredSimulator(made, tmp_path / "runs.db"), BOX)) == bits(plain)
+        assert bits(method.bounds(mb.StoredSimulator(made, path), BOX)) == bits(plain)
         assert len(calls) <= expected and (len(calls) > 0) == (expected > 0)
 
 
 @pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
-def test_a_finer_study_and_another_method_use_what_is_there(tmp_path):
-    made, calls = counting()
-    stored = mb.StoredSimulator(made, tmp_path / "runs.db")
-    mb.Vertex().bounds(stored, BOX)
-    assert len(calls) == 4
-    mb.Scanning(3).bounds(stored, BOX)
-    assert len(calls) == 9
-    mb.Scanning(5).bounds(stored, BOX)
-    assert len(calls) == 25
+def test_a_finer_study_and_another_method_use_what_is_there(path):
+    made, calls = counting("response")
+    for method, number in ((mb.Vertex(), 4), (mb.Scanning(3), 9), (mb.Scanning(5), 25)):
+        method.bounds(mb.StoredSimulator(made, path), BOX)
+        assert len(calls) == number
 
 
 @pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
-def test_other_functions_times_outputs_and_versions_are_other_studies(tmp_path):
-    path = tmp_path / "runs.db"
-    nominal = {"a": 1.0, "b": 1.0}
-    many = [simulator(response), simulator(lambda a, b: 2 * response(a, b))]
-    many += [mb.FunctionSimulator(response, nominal, TIMES + 1, ["x", "y"])]
-    many += [mb.FunctionSimulator(response, nominal, TIMES, ["x", "z"])]
-    for factor in (2, 3):
-        many.append(simulator(lambda a, b, factor=factor: factor * response(a, b)))
-    for k, one in enumerate(many):
-        mb.Vertex().bounds(mb.StoredSimulator(one, path), BOX)
-        assert studies(path) == k + 1
-    mb.Vertex().bounds(mb.StoredSimulator(many[0], path, version="2"), BOX)
-    assert studies(path) == len(many) + 1
-    mb.Vertex().bounds(mb.StoredSimulator(many[0], path), BOX)
-    assert studies(path) == len(many) + 1
-
-
-def studies(path):
-    with sqlite3.connect(path) as connection:
-        count = connection.execute("SELECT count(*) FROM studies").fetchone()[0]
-    connection.close()
-    return count
+def test_other_functions_times_outputs_and_versions_are_other_studies(path):
+    many = [simulator(response), simulator(lambda a, b: 2 * response(a, b)), simulator(response, TIMES + 1)]
+    many += [simulator(response, TIMES, ["x", "z"])]
+    many += [simulator(lambda a, b, factor=factor: factor * response(a, b)) for factor in (2, 3)]
+    for k, one in enumerate([*many, many[0], many[0]]):
+        mb.Vertex().bounds(mb.StoredSimulator(one, path, version="2" if k == len(many) else ""), BOX)
+        assert asked(path, "SELECT count(*) FROM studies") == min(k, len(many)) + 1
 
 
 def test_programs_are_known_by_their_templates_and_files(tmp_path):
     (tmp_path / "data.txt").write_text("1")
 
     def command(code, **options):
-        return mb.CommandSimulator([sys.executable, "in.py"], {"k": 1.0}, [0.0], ["x"], {"in.py": code}, **options)
+        own = {"templates": {"in.py": code}, "files": [tmp_path / "data.txt"]} | options
+        return mb.CommandSimulator([sys.executable, "in.py"], {"k": 1.0}, [0.0], ["x"], **own).identity()
 
-    first = command("{k}", files=[tmp_path / "data.txt"]).identity()
-    assert first == command("{k}", files=[tmp_path / "data.txt"], timeout=3).identity()
-    assert first != command("{k} ", files=[tmp_path / "data.txt"]).identity()
-    assert first != command("{k}", files=[tmp_path / "data.txt"], environment={"A": "1"}).identity()
+    first = command("{k}")
+    assert first == command("{k}", timeout=3)
+    assert first not in (command("{k} "), command("{k}", environment={"A": "1"}))
     (tmp_path / "data.txt").write_text("2")
-    assert first != command("{k}", files=[tmp_path / "data.txt"]).identity()
+    assert first != command("{k}")
 
 
 SCENE_KEY = """
@@ -126,12 +126,12 @@ for solver in mb.DormandPrince(rtol=1e-10), mb.DormandPrince(rtol=1e-9):
 """
 
 
-def test_scenes_are_known_in_other_processes(tmp_path):
+def test_scenes_are_known_in_other_processes(path):
     scene = double_pendulum.scene().with_times([0.0, 0.5])
     told = subprocess.run([sys.executable, "-c", SCENE_KEY], capture_output=True, text=True, check=True).stdout.split()
     made = mb.DAESimulator(scene, mb.DormandPrince(rtol=1e-10))
     assert told[0] == made.identity() != told[1]
-    stored = mb.StoredSimulator(made, tmp_path / "runs.db")
+    stored = mb.StoredSimulator(made, path)
     first = mb.Scanning(3).bounds(stored, scene.box)
     assert bits(mb.Scanning(3).bounds(stored, scene.box)) == bits(first)
     assert np.abs(mb.Scanning(3).bounds(made, scene.box).upper - first.upper).max() < 1e-8
@@ -139,9 +139,8 @@ def test_scenes_are_known_in_other_processes(tmp_path):
 
 @pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
 @pytest.mark.parametrize("pool", [ThreadPoolExecutor, ProcessPoolExecutor])
-def test_executors_store_the_same(pool, tmp_path):
+def test_executors_store_the_same(pool, stored):
     plain = mb.MonteCarlo(60).bounds(simulator(response), BOX)
-    stored = mb.StoredSimulator(simulator(response), tmp_path / "runs.db")
     assert bits(mb.MonteCarlo(60).bounds(stored, BOX, executor=pool(2))) == bits(plain)
 
 
@@ -180,9 +179,7 @@ def test_a_killed_study_goes_on_where_it_stopped(tmp_path):
             time.sleep(0.005)
         os.kill(process.pid, signal.SIGKILL)
         process.wait()
-        with sqlite3.connect(tmp_path / "killed.db") as connection:
-            assert connection.execute("PRAGMA integrity_check").fetchone() == ("ok",)
-        connection.close()
+        assert asked(tmp_path / "killed.db", "PRAGMA integrity_check") == "ok"
     subprocess.run(study("killed"), check=True)
     made = calls.read_text().splitlines()
     assert len(set(made)) == 400 and len(made) <= 403  # the run in flight of each kill
@@ -209,12 +206,9 @@ DAMAGES = {
 
 @pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
 @pytest.mark.parametrize("statement", DAMAGES.values(), ids=DAMAGES)
-def test_what_was_not_written_by_symmb_is_damage(statement, tmp_path, capsys):
-    path = tmp_path / "runs.db"
+def test_what_was_not_written_by_symmb_is_damage(statement, path, capsys):
     kill_studies.stored_study(path)
-    connection = sqlite3.connect(path)
-    connection.executescript(statement)
-    connection.close()
+    change(path, statement)
     if "simulator" not in statement:
         with told_in_a_line("is damaged"):
             kill_studies.stored_study(path)
@@ -224,10 +218,8 @@ def test_what_was_not_written_by_symmb_is_damage(statement, tmp_path, capsys):
 
 
 VERSION_2 = """
-CREATE TABLE former (id, digest, simulator, parameters, outputs, times, begun);
-INSERT INTO former SELECT id, digest, simulator, parameters, outputs, times, begun FROM studies;
-CREATE TABLE former_runs (study, sample, state, t_failed, reason, response, events, seconds);
-INSERT INTO former_runs SELECT study, sample, state, t_failed, reason, response, events, seconds FROM runs;
+CREATE TABLE former AS SELECT id, digest, simulator, parameters, outputs, times, begun FROM studies;
+CREATE TABLE former_runs AS SELECT study, sample, state, t_failed, reason, response, events, seconds FROM runs;
 DROP TABLE runs;
 DROP TABLE studies;
 CREATE TABLE studies (
@@ -245,18 +237,15 @@ PRAGMA user_version = 2;
 
 
 @pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
-def test_files_of_version_2_are_taken_over(tmp_path):
+def test_files_of_version_2_are_taken_over(path):
     made, calls = counting()
-    stored = mb.StoredSimulator(made, tmp_path / "runs.db")
+    stored = mb.StoredSimulator(made, path)
     first = mb.Scanning(3).bounds(stored, BOX)
-    connection = sqlite3.connect(tmp_path / "runs.db")
-    connection.executescript(VERSION_2)
-    connection.close()
+    change(path, VERSION_2)
     assert bits(mb.Scanning(3).bounds(stored, BOX)) == bits(first) and len(calls) == 9
 
 
-def test_two_studies_at_once_lose_nothing(tmp_path):
-    stored = mb.StoredSimulator(simulator(response), tmp_path / "runs.db")
+def test_two_studies_at_once_lose_nothing(stored):
     P = np.random.default_rng(0).uniform(0.5, 1.2, (120, 2))
     with ThreadPoolExecutor(2) as pool:
         both = list(pool.map(lambda part: run_blocks(stored, part), (P[:80], P[40:])))
@@ -264,17 +253,15 @@ def test_two_studies_at_once_lose_nothing(tmp_path):
     assert run_blocks(stored, P).Y.tobytes() == run_blocks(simulator(response), P).Y.tobytes()
 
 
-def test_what_has_no_identity_is_refused(tmp_path):
-    class Plain:
-        parameters, times, outputs = {"a": 1.0}, TIMES, ("x",)
-
-    refused("has no method identity", mb.StoredSimulator, Plain(), tmp_path / "runs.db")
+def test_what_has_no_identity_and_a_store_of_a_store_are_refused(stored, tmp_path):
+    plain = SimpleNamespace(parameters={"a": 1.0}, times=TIMES, outputs=("x",))
+    refused("has no method identity", mb.StoredSimulator, plain, tmp_path / "runs.db")
+    refused("is already a StoredSimulator", mb.StoredSimulator, stored, tmp_path / "other.db")
 
 
 @pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
-def test_symmb_runs(tmp_path, capsys):
-    path = tmp_path / "runs.db"
-    mb.Scanning(3).bounds(mb.StoredSimulator(simulator(response), path), BOX)
+def test_symmb_runs(path, stored, tmp_path, capsys):
+    mb.Scanning(3).bounds(stored, BOX)
     assert main(["runs", str(path)]) == 0
     titles, row = capsys.readouterr().out.splitlines()
     assert titles.split() == ["study", "simulator", "begun", "done", "failed", "timed", "out", "lost", "parameters"]
@@ -312,11 +299,6 @@ def test_runs_are_exported_whatever_parameters_are_called(names, tmp_path, capsy
     capsys.readouterr()
 
 
-def test_a_store_of_a_store_is_refused(tmp_path):
-    stored = mb.StoredSimulator(simulator(response), tmp_path / "runs.db")
-    refused("is already a StoredSimulator", mb.StoredSimulator, stored, tmp_path / "other.db")
-
-
 class Dies:
     """A function that kills its process, or takes long, while a file says so."""
 
@@ -332,14 +314,14 @@ class Dies:
         return response(a, b)
 
 
-def test_lost_runs_are_made_again(tmp_path):
+def test_lost_runs_are_made_again(path, tmp_path):
     (tmp_path / "how").write_text("die")
-    stored = mb.StoredSimulator(simulator(Dies(tmp_path / "how")), tmp_path / "runs.db")
+    stored = mb.StoredSimulator(simulator(Dies(tmp_path / "how")), path)
     P = np.array([[0.5, 1.0], [1.2, 1.0]])
     assert run_blocks(stored, P, lambda: ProcessPoolExecutor(1)).ok.tolist() == [True, False]
     (tmp_path / "how").write_text("")
     assert run_blocks(stored, P).ok.all()
-    assert main(["runs", str(tmp_path / "runs.db"), "--prune", "failed"]) == 0
+    assert main(["runs", str(path), "--prune", "failed"]) == 0
 
 
 @pytest.mark.parametrize(("timeout", "calls"), [(0.1, 0), (0.05, 0), (2.0, 1), (10.0, 1), (None, 1)])
@@ -356,29 +338,28 @@ def test_runs_that_timed_out_are_made_again_with_more_time(timeout, calls, tmp_p
     assert f"{1 - calls} runs removed" in capsys.readouterr().out
 
 
-def test_a_store_that_cannot_be_written_is_read_and_listed(tmp_path, monkeypatch, capsys):
-    path, P = tmp_path / "runs.db", np.array([[0.6, 0.9], [1.0, 1.1]])
-    known = run_blocks(mb.StoredSimulator(simulator(response), path), P)
+def test_a_store_that_cannot_be_written_is_read_and_listed(path, stored, monkeypatch, capsys):
+    P = np.array([[0.6, 0.9], [1.0, 1.1]])
+    known = run_blocks(stored, P)
     monkeypatch.setattr(run_database, "_is_writable", lambda path: False)
     stored = mb.StoredSimulator(simulator(response), path)
     assert run_blocks(stored, P).Y.tobytes() == known.Y.tobytes()
     assert main(["runs", str(path)]) == 0
     assert capsys.readouterr().out.splitlines()[1].split()[-6:] == ["2", "0", "0", "0", "a,", "b"]
     refused(r"runs\.db cannot be written: .*readonly", run_blocks, stored, P + 0.01, error=mb.SimulationError)
-    assert os.listdir(tmp_path) == ["runs.db"]
+    assert os.listdir(path.parent) == ["runs.db"]
 
 
 @pytest.mark.parametrize("is_new", [True, False])
-def test_the_lock_of_another_program_is_told_soon(is_new, tmp_path, monkeypatch):
+def test_the_lock_of_another_program_is_told_soon(is_new, path, stored, monkeypatch):
     monkeypatch.setattr(run_database, "_WAIT_AT_FIRST", 0.05)
-    path, stored = tmp_path / "runs.db", mb.StoredSimulator(simulator(response), tmp_path / "runs.db")
     if not is_new:
         run_blocks(stored, np.array([[0.6, 0.9]]))
     with closing(sqlite3.connect(path, isolation_level=None)) as other:
         other.execute("PRAGMA locking_mode = EXCLUSIVE")
         other.execute("BEGIN EXCLUSIVE")
-        with pytest.raises(mb.SymmbError, match=r"runs\.db is locked by another program"):
-            run_blocks(stored, np.array([[0.7, 0.9]]))
+        locked = r"runs\.db is locked by another program"
+        refused(locked, run_blocks, stored, np.array([[0.7, 0.9]]), error=mb.SymmbError)
 
 
 @pytest.mark.parametrize("is_held_before", [True, False])
@@ -399,8 +380,8 @@ def test_a_lock_that_lets_read_is_told_by_a_study_that_needs_runs(is_held_before
         if is_held_before:
             other.execute("BEGIN IMMEDIATE")
         assert run_blocks(stored, np.array([[0.5]])).Y[0, 0, 0] == 0.5  # which need write nothing
-        with pytest.raises(mb.SimulationError, match=r"runs\.db is locked by another program\. Try again"):
-            run_blocks(stored, np.array([[0.5], [0.7]]))
+        locked = r"runs\.db is locked by another program\. Try again"
+        refused(locked, run_blocks, stored, np.array([[0.5], [0.7]]), error=mb.SimulationError)
     assert len(calls) == (1 if is_held_before else 2)
 
 
@@ -415,3 +396,22 @@ def test_studies_that_make_a_store_at_once_wait_for_each_other(tmp_path):
 
     with ThreadPoolExecutor(4) as pool:
         list(pool.map(study, range(40)))
+
+
+def test_methods_as_jobs_fill_the_store_of_a_comparison(tmp_path, monkeypatch):
+    submitit, _ = pytest.importorskip("submitit"), pytest.importorskip("distributed")
+    monkeypatch.syspath_prepend(EXAMPLES)
+    monkeypatch.setenv("PYTHONPATH", ":".join([str(EXAMPLES), *filter(None, sys.path)]))
+    import cluster
+
+    methods = cluster.METHODS[:1]  # two jobs write at once; examples/cluster.py has four
+    jobs = submitit.AutoExecutor(tmp_path / "logs", cluster="local")
+    numbers = [0, len(cluster.METHODS)]
+    results = [job.result() for job in jobs.map_array(cluster.bounds_by, numbers, [tmp_path] * 2)]
+    made = asked(tmp_path / "runs.db", "SELECT count(*) FROM runs")
+    found = mb.compare(cluster.stored(tmp_path), methods, cluster.BOX, results[-1])
+    assert asked(tmp_path / "runs.db", "SELECT count(*) FROM runs") == made > 289
+    own = mb.FunctionSimulator(cluster.swing, {"mass": 1.0, "stiffness": 10.0}, cluster.TIMES, ["x"])
+    plain = mb.compare(own, methods, cluster.BOX, cluster.REFERENCE)
+    for row, other in zip(found.rows, plain.rows, strict=True):
+        np.testing.assert_array_equal(row.score.error, other.score.error)

@@ -6,43 +6,35 @@ from io import BytesIO
 import casadi as ca
 import numpy as np
 import pytest
-from faults import refused
+from faults import printed, refused, refused_command
+from machines import ORIGIN, ball, bouncing_ball, run_of
 
 import symmb as mb
 from models import double_pendulum, flexible_pendulum, spherical_pendulum
-from symmb.show.cli.main import main
 from symmb.show.drawing import draw, of_run, start_picture, still
 from symmb.show.drawing.bodies import mesh_edges
 
 SIGNATURES = {".png": b"\x89PNG", ".svg": b"<?xml", ".html": b"<!DOCTYPE html>"}
 
 
-def joined(drawing, name):
-    """World positions (n_f, 2, 3) of the ends of a body's first bar."""
-    bar = next(s for s in drawing.shapes if s.name == name and s.form == "bar")
-    return np.stack([drawing.track(place) for place in bar.places], axis=1)
-
-
 def test_a_homogeneous_rod_has_its_length_by_its_inertia():
     run = mb.simulate(double_pendulum.scene(), times=[0.0, 0.5])
-    ends = joined(draw(run), "rod2")
-    assert run.scene is not None
     rod2, l2 = run.scene.system.bodies[1], run.scene.system.parameters.l2
     expected = np.stack([run(rod2.point(0, y).r) for y in (-l2 / 2, l2 / 2)], axis=1)
+    drawing = draw(run)
+    bar = next(s for s in drawing.shapes if s.name == "rod2" and s.form == "bar")
+    ends = np.stack([drawing.track(place) for place in bar.places], axis=1)  # (n_f, 2, 3)
     np.testing.assert_allclose(ends, expected, atol=1e-12)
 
 
 def test_elastic_nodes_are_where_their_points_are():
     run = mb.simulate(flexible_pendulum.scene(), times=np.linspace(0, 0.4, 5))
-    assert run.scene is not None
-    rod = run.scene.system.bodies[0]
-    drawing = draw(run)
+    rod, drawing = run.scene.system.bodies[0], draw(run)
     bars = [s for s in drawing.shapes if s.name == "rod" and s.form == "bar"]
     tracks = [drawing.track(place) for bar in bars for place in bar.places]
-    for node in range(len(rod.modes.positions)):
-        r = run(rod.node(node).r)
-        assert min(np.abs(track - r).max() for track in tracks) < 1e-12
-    assert len(bars) == len(rod.modes.positions) - 1
+    places = [run(rod.node(node).r) for node in range(len(rod.modes.positions))]
+    assert all(min(np.abs(track - r).max() for track in tracks) < 1e-12 for r in places)
+    assert len(bars) == len(places) - 1
 
 
 def test_meshes_of_chains_and_grids_are_given_back():
@@ -87,47 +79,41 @@ def test_a_gif_moves(tmp_path):
 
 def test_symmb_view(tmp_path, capsys):
     path = tmp_path / "drawn.html"
-    assert main(["view", "spherical_pendulum", "-o", str(path), "--set", "length=1.1"]) == 0
-    assert capsys.readouterr().out.strip() == str(path)
+    assert printed(capsys, "view", "spherical_pendulum", "-o", str(path), "--set", "length=1.1").strip() == str(path)
     assert "spherical pendulum" in path.read_text()
-    assert main(["view", "spherical_pendulum", "-o", str(tmp_path / "drawn.txt")]) == 2
+    refused_command(capsys, "view", "spherical_pendulum", "-o", str(tmp_path / "drawn.txt"))
 
 
 def test_a_run_without_a_scene(tmp_path):
-    mb.simulate(spherical_pendulum.scene(), times=[0.0, 0.1]).save(tmp_path / "run.npz")
-    refused("has no scene", mb.view, mb.Trajectory.load(tmp_path / "run.npz"), tmp_path / "run.html")
-    mb.view(mb.Trajectory.load(tmp_path / "run.npz", spherical_pendulum.scene()), tmp_path / "run.html")
+    run, page = tmp_path / "run.npz", tmp_path / "run.html"
+    mb.simulate(spherical_pendulum.scene(), times=[0.0, 0.1]).save(run)
+    refused("has no scene", mb.view, mb.Trajectory.load(run), page)
+    mb.view(mb.Trajectory.load(run, spherical_pendulum.scene()), page)
 
 
 def test_what_has_no_place_is_named():
-    ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
-    floor = mb.Impact("floor", ball.y, 0.5)
-    system = mb.System(ball, mb.Gravity(0, -9.81), floor, mb.Motion("drive", ball.x, ca.sin(mb.t)))
-    run = mb.simulate(mb.Scene(system, start={"ball.y": 1.0}, times=[0.0, 0.1]))
+    driven = bouncing_ball(lambda m: mb.Motion("drive", m.ball.x, ca.sin(mb.t)))
+    run = driven.run(times=[0.0, 0.1], start={"ball.y": 1.0})
     assert draw(run).notes == ("Impact 'floor'", "Motion 'drive'")
 
 
 def test_a_plane_is_drawn_where_the_ball_touches_it():
-    ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
     law = mb.HuntCrossley(1e5, restitution=0.8, speed=3.0)
-    slope = mb.Contact("slope", ball.point(0, 0), mb.Ground().point(0, 0), (0.3, 1), law, radius=0.05)
-    scene = mb.Scene(mb.System(ball, mb.Gravity(0, -9.81), slope), {"ball.y": 0.5}, np.linspace(0, 0.5, 101))
-    drawing = draw(mb.simulate(scene))
+    sloping = ball(lambda m: mb.Contact("slope", m.at, ORIGIN, (0.3, 1), law, radius=0.05))
+    drawing = draw(sloping.run(times=np.linspace(0, 0.5, 101), start={"ball.y": 0.5}))
     (plane,) = (shape for shape in drawing.shapes if shape.form == "plane")
     assert np.abs(drawing.places[plane.places[0]].base[:2]).max() < 0.05  # below the ball, which falls on the origin
     assert plane.size[0] > 0.05
 
 
 def test_actuators_and_stops_are_drawn_at_their_joints():
-    ground = mb.Ground()
     rod, cart = mb.Body("rod", 1.0, 0.3), mb.Body("cart", 1.0, 0.1)
-    hinge = mb.Revolute("hinge", ground.point(0, 0), rod.point(0, 0.5))
+    hinge = mb.Revolute("hinge", ORIGIN, rod.point(0, 0.5))
     rail = mb.Prismatic("rail", rod.point(0, -0.5), cart.point(0, 0), axis=(1, 0, 0))
     motor, ram = mb.Actuator("motor", hinge, -2.0 * mb.t), mb.Actuator("ram", rail, 3.0)
     limit = mb.Stop("limit", hinge, -1.0, 1.0, mb.KelvinVoigt(1e3))
     state, held = mb.State("state", rate=1.0), mb.Sampled("held", 0.1, mb.t)
-    scene = mb.Scene(mb.System(rod, cart, hinge, rail, motor, ram, limit, state, held), times=np.linspace(0, 0.2, 5))
-    drawing = draw(mb.simulate(scene))
+    drawing = draw(run_of(rod, cart, hinge, rail, motor, ram, limit, state, held, times=np.linspace(0, 0.2, 5)))
     shapes = {shape.name: shape for shape in drawing.shapes if shape.name in ("motor", "ram", "limit")}
     assert {name: shape.form for name, shape in shapes.items()} == {"motor": "twist", "ram": "arrow", "limit": "ring"}
     assert np.argmax(np.abs(shapes["motor"].direction[-1])) == 2 and shapes["motor"].direction[-1, 2] < 0

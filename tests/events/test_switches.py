@@ -5,6 +5,8 @@ import warnings
 import casadi as ca
 import numpy as np
 import pytest
+from faults import refused
+from machines import ball
 from small_scenes import particle
 
 import symmb as mb
@@ -15,10 +17,7 @@ TIMES = np.linspace(0, 10, 21)
 
 def driven(law, times=TIMES):
     """A bead on a spring of 1 rad/s, from rest, with a force along x."""
-    bead = mb.Body("bead", 1.0, pose=mb.Particle())
-    spring = mb.Spring("spring", mb.Ground().point(0, 0), bead.point(0, 0), 1.0, 0.0)
-    system = mb.System(bead, spring, mb.Force("drive", bead.point(0, 0), (law, 0)))
-    return mb.Scene(system, times=times, outputs={"x": bead.x, "vx": bead.vx}, name="driven")
+    return particle(lambda p, mass: law - mass.x, times, {}, ("x", "vx"))
 
 
 FIXED = mb.RungeKutta(steps=1000), mb.GeneralizedAlpha(0.01), mb.HHT(0.01), mb.NSTIFFSI2(0.01)
@@ -71,16 +70,13 @@ def test_kinks_are_told_where_symmb_chooses():
 
 def test_a_motion_that_sticks_to_a_jump_ends_with_advice():
     """A slider on a spring comes to rest by dry friction: no steps follow a law that jumps there; a steep one does."""
-    bead = mb.Body("bead", 1.0, pose=mb.Particle())
-    spring = mb.Spring("spring", mb.Ground().point(0, 0), bead.point(0, 0), 100.0, 0.0)
 
-    def scene(law):
-        system = mb.System(bead, spring, mb.Force("friction", bead.point(0, 0), (-5.0 * law, 0)))
-        return mb.Scene(system, {"bead.x": 0.5}, np.linspace(0, 2, 41), {"x": bead.x}, name="slider")
+    def scene(sign):
+        return particle(lambda p, mass: -100 * mass.x - 5 * sign(mass.vx), np.linspace(0, 2, 41), {"mass.x": 0.5})
 
-    with pytest.raises(mb.SimulationError, match=r"jumps \(sign\)\. If the motion sticks to .*tanh"):
-        mb.simulate(scene(ca.sign(bead.vx)), mb.CVODES())
-    run = mb.simulate(scene(ca.tanh(bead.vx / 1e-4)))
+    told = r"jumps \(sign\)\. If the motion sticks to .*tanh"
+    refused(told, mb.simulate, scene(ca.sign), mb.CVODES(), error=mb.SimulationError)
+    run = mb.simulate(scene(lambda v: ca.tanh(v / 1e-4)))
     # Each half swing is shorter by 2 F/k at both ends: 0.5, -0.4, 0.3, -0.2, 0.1, and 0 after five.
     assert abs(run["x"][-1]) < 1e-3 and abs(run["x"][np.argmin(abs(run.t - np.pi / 10))] + 0.4) < 0.01
 
@@ -95,13 +91,9 @@ def test_pulses_beside_larger_motions_of_a_law_are_not_stepped_over(solver):
         assert run["vx"][-1] == pytest.approx(gained, abs=1e-5 * max(gained, 1))
 
 
-# -- Drives ------------------------------------------------------------------------------------------------
-
-
 def led_by(*laws):
-    ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
-    drives = [mb.Motion(f"drive{i}", ball.x, law) for i, law in enumerate(laws)]
-    return mb.Scene(mb.System(ball, *drives), times=np.linspace(0, 2, 9), outputs={"x": ball.x}, name="driven")
+    machine = ball(lambda m: tuple(mb.Motion(f"drive{i}", m.ball.x, law) for i, law in enumerate(laws)), g=None)
+    return machine.scene("x", np.linspace(0, 2, 9))
 
 
 @pytest.mark.parametrize(
@@ -115,8 +107,7 @@ def led_by(*laws):
 def test_drives_that_break_are_told_by_all_who_integrate_accelerations(law, text):
     scene = led_by(law)
     for run in (mb.simulate, mb.DAESimulator, lambda scene: mb.simulate(scene, mb.IDAS())):
-        with pytest.raises(mb.DeclarationError, match=f"'drive0' requires {text}.*such as NSTIFFSI2"):
-            run(scene)
+        refused(f"'drive0' requires {text}.*such as NSTIFFSI2", run, scene)
     keeps = mb.simulate(scene, mb.NSTIFFSI2(step=0.01))
     assert not keeps.doubts
     np.testing.assert_allclose(keeps["x"], keeps(law), atol=1e-9)
@@ -131,9 +122,10 @@ def test_drives_that_turn_sharply_are_no_breaks(law):
 
 
 def test_drives_that_contradict_each_other_are_told():
-    with pytest.raises(mb.AssemblyError, match=r"'drive0', 'drive1' require accelerations that contradict"):
-        mb.simulate(led_by(mb.t + mb.t**2, mb.t + 3 * mb.t**2))
-    agree = mb.simulate(led_by(mb.t + mb.t**2, mb.t + mb.t**2))
+    law = mb.t + mb.t**2
+    told = r"'drive0', 'drive1' require accelerations that contradict"
+    refused(told, mb.simulate, led_by(law, law + 2 * mb.t**2), error=mb.AssemblyError)
+    agree = mb.simulate(led_by(law, law))
     assert agree.position_drift < 1e-9 and "warning" not in str(agree)
-    with pytest.raises(mb.SimulationError, match=r"leaves its constraints at t = .* drives contradict each other"):
-        mb.simulate(led_by(mb.t + mb.t**2, mb.t + mb.t**2 + mb.t**3))
+    told = r"leaves its constraints at t = .* drives contradict each other"
+    refused(told, mb.simulate, led_by(law, law + mb.t**3), error=mb.SimulationError)

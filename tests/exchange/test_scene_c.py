@@ -8,6 +8,7 @@ import warnings
 
 import numpy as np
 import pytest
+from machines import linkage, rods
 
 import symmb as mb
 from models import bouncing_ball, double_pendulum, four_bar, heavy_top
@@ -24,15 +25,11 @@ pytestmark = pytest.mark.skipif(not COMPILERS, reason="needs gcc or clang")
 
 def crane():
     """A load on a rope of two links, in static equilibrium at the start, whose motor has an input."""
-    p = mb.Parameters(length=1.0, mass=2.0, pull=3.0)
-    upper, lower = mb.Body("upper", 0.5, 0.04), mb.Body("lower", p.mass, 0.04)
-    top = mb.Revolute("top", mb.Ground().point(0, 0), upper.point(0, p.length))
-    middle, torque = mb.Revolute("middle", upper.point(0, 0), lower.point(0, p.length)), mb.Input("torque")
-    side = mb.Force("side", lower.point(0, 0), (p.pull, 0))
-    motor = mb.Actuator("motor", top, torque.value)
-    system = mb.System(upper, lower, top, middle, side, torque, motor, mb.Gravity(0, -9.81), parameters=p)
-    outputs = {"x": lower.x, "load": system.reaction("top").fy}
-    return mb.Scene(system, times=np.linspace(0, 1, 11), outputs=outputs, equilibrium=True)
+    torque = mb.Input("torque")
+    side = lambda m: mb.Force("side", m.bodies[1].point(0, 0), (m.p.pull, 0))  # noqa: E731
+    motor = lambda m: mb.Actuator("motor", m.hinges[0], torque.value)  # noqa: E731
+    outputs = lambda m: {"x": m.bodies[1].x, "load": m.system.reaction("hinge0").fy}  # noqa: E731
+    return rods(2, torque, side, motor, pull=3.0).scene(outputs, np.linspace(0, 1, 11), equilibrium=True)
 
 
 def library(scene, folder, solver=None):
@@ -49,6 +46,13 @@ def library(scene, folder, solver=None):
     return simulator, functions
 
 
+def started(functions, end):
+    """A run that has started."""
+    run = ctypes.c_void_p(functions.scene_new())
+    assert functions.scene_start(run, ctypes.c_double(end), ctypes.c_double(0.0))
+    return run
+
+
 @pytest.mark.parametrize("scene", [double_pendulum.scene(), heavy_top.scene(), four_bar.scene(), crane()], ids=repr)
 def test_start_outputs_and_rates_are_those_of_the_python_functions(scene, tmp_path):
     simulator, functions = library(scene, tmp_path)
@@ -60,8 +64,7 @@ def test_start_outputs_and_rates_are_those_of_the_python_functions(scene, tmp_pa
             functions.scene_parameters(run)[k] = value
         assert functions.scene_start(run, ctypes.c_double(simulator.times[-1]), ctypes.c_double(0.0))
         functions.scene_states(run, x.ctypes.data_as(ctypes.c_void_p))
-        expected = form.start.states(P[None])[0][0]
-        np.testing.assert_allclose(x, expected, rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(x, form.start.states(P[None])[0][0], rtol=1e-12, atol=1e-12)
         y = form.y(x, P, simulator.times[0]).full().ravel()
         np.testing.assert_allclose(functions.scene_outputs(run)[: len(y)], y, rtol=1e-12, atol=1e-12 * np.abs(y).max())
         if not dae.n_r:
@@ -107,14 +110,12 @@ def test_programs_are_clean_under_sanitizers_and_print_the_outputs(model, solver
 def test_faults_of_a_program_end_it_with_a_sentence(tmp_path, capsys):
     main(["codegen", "bouncing_ball", "-o", str(tmp_path)])
     subprocess.run([COMPILERS[0], "scene.c", "main.c", "-lm", "-o", "scene"], cwd=tmp_path, check=True)
-    for word, status, text in (
-        ("restitution=1.5", 1, "The run fails at t = 0 s: the start could not be computed.\n"),
-        ("restitution=much", 2, "restitution=much is not a parameter with a finite number. Write name=number.\n"),
-        ("restitution=nan", 2, "restitution=nan is not a parameter with a finite number. Write name=number.\n"),
-        ("elasticity=0.5", 2, "elasticity=0.5 is not a parameter with a finite number. Write name=number.\n"),
-    ):
+    wrong = "{} is not a parameter with a finite number. Write name=number.\n"
+    told = {"restitution=1.5": (1, "The run fails at t = 0 s: the start could not be computed.\n")}
+    told |= {word: (2, wrong.format(word)) for word in ("restitution=much", "restitution=nan", "elasticity=0.5")}
+    for word, expected in told.items():
         run = subprocess.run([str(tmp_path / "scene"), word], capture_output=True, text=True)
-        assert (run.returncode, run.stderr) == (status, text)
+        assert (run.returncode, run.stderr) == expected
 
 
 def test_a_scene_without_states_has_equations_only(tmp_path, capsys):
@@ -127,29 +128,21 @@ def test_a_scene_without_states_has_equations_only(tmp_path, capsys):
 @pytest.mark.parametrize("solver", [mb.DormandPrince(), mb.EventDriven()], ids=repr)
 def test_a_loop_closes_at_once_where_a_length_changes(solver, tmp_path):
     """The crank turns at a given rate, so that the other angles follow from the lengths by the law of cosines."""
-    p = mb.Parameters(rocker=0.25)
-    ground, crank, coupler, rocker = mb.Ground(), *(mb.Body(name, 1.0, 0.01) for name in ("crank", "coupler", "rocker"))
-    drive = mb.Revolute("drive", ground.point(0, 0), crank.point(0, 0))
-    loop = [
-        mb.Revolute("a", crank.point(0.1, 0), coupler.point(0, 0)),
-        mb.Revolute("b", coupler.point(0.3, 0), rocker.point(p.rocker, 0)),
-        mb.Revolute("c", ground.point(0.3, 0), rocker.point(0, 0)),
-    ]
-    system = mb.System(crank, coupler, rocker, drive, *loop, mb.Motion("turn", drive.angle, 3 * mb.t), parameters=p)
-    outputs = {"x": rocker.point(p.rocker, 0).x, "y": rocker.point(p.rocker, 0).y}
-    guess = {"coupler.theta": 0.6, "rocker.theta": 1.5}
-    scene = mb.Scene(system, {"crank.theta": 0.0}, np.linspace(0, 1, 11), outputs, guess=guess)
+    turn = lambda m: mb.Motion("turn", m.A.angle, 3 * mb.t)  # noqa: E731
+    bars = linkage(turn, lengths=(0.1, 0.3, 0.25, 0.3), inertia=0.01)
+    tip, guess = bars.rocker.point(bars.p.c / 2, 0), {"coupler.theta": 0.6, "rocker.theta": 1.5}
+    outputs = {"x": tip.x, "y": tip.y}
+    scene = bars.scene(outputs, np.linspace(0, 1, 11), {"crank.theta": 0.0}, guess=guess)
     _, functions = library(scene, tmp_path, solver)
-    run = ctypes.c_void_p(functions.scene_new())
-    assert functions.scene_start(run, ctypes.c_double(1.0), ctypes.c_double(0.0))
+    run = started(functions, 1.0)
     assert functions.scene_step(run, ctypes.c_double(0.5))
     for length in (0.27, 0.22):
-        functions.scene_parameters(run)[0] = length
+        functions.scene_parameters(run)[2] = length
         assert functions.scene_change(run)
         x, y = functions.scene_outputs(run)[:2]
         found = [np.hypot(x - 0.3, y), np.hypot(x - 0.1 * np.cos(1.5), y - 0.1 * np.sin(1.5))]
         np.testing.assert_allclose(found, [length, 0.3], rtol=1e-9)
-    functions.scene_parameters(run)[0] = 0.9
+    functions.scene_parameters(run)[2] = 0.9
     assert not functions.scene_change(run)
     assert functions.scene_fault(run) == b"the constraints cannot be satisfied with the new parameters"
     functions.scene_free(run)
@@ -160,9 +153,8 @@ def test_parameters_and_inputs_may_change_during_a_run(tmp_path):
     from scipy.integrate import solve_ivp
 
     simulator, functions = library(crane(), tmp_path)
-    dae, n_p = simulator.formulation.dae, 3
-    run, x = ctypes.c_void_p(functions.scene_new()), np.empty(4)
-    assert functions.scene_start(run, ctypes.c_double(1.0), ctypes.c_double(0.0))
+    dae, n_p = simulator.formulation.dae, len(simulator.parameters)
+    run, x = started(functions, 1.0), np.empty(4)
     assert functions.scene_step(run, ctypes.c_double(0.37))
     functions.scene_parameters(run)[n_p] = 1.5  # behind the parameters
     assert functions.scene_change(run)

@@ -38,15 +38,15 @@ ERRORS = {**dict.fromkeys(ADAPTIVE, 2e-3), mb.DormandPrince(): 1e-3, **dict.from
 @pytest.mark.parametrize("solver", ERRORS, ids=repr)
 def test_a_failed_sample_leaves_its_neighbours_alone(solver):
     simulator = mb.DAESimulator(explosion(), solver)
-    ensemble = simulator.run(np.array([[0.3], [1.0], [0.25], [2.0], [0.0]]))
+    P = np.array([[0.3], [1.0], [0.25], [2.0], [0.0]])
+    ensemble = simulator.run(P)
     assert_array_equal(ensemble.ok, [True, False, True, False, True])
     assert_allclose(ensemble.t_failed, [np.nan, 1.0, np.nan, 0.5, np.nan], atol=ERRORS[solver])
     first, second = ensemble.messages
-    alone = simulator.run(np.array([[0.3], [0.25], [0.0]]))
+    alone = simulator.run(P[::2])
     assert alone.ok.all() and alone.messages == ()
     assert_array_equal(ensemble.Y[[0, 2, 4]], alone.Y)
-    extremes = simulator.run(np.array([[0.3], [1.0], [0.25], [2.0], [0.0]])).extremes()
-    assert_array_equal(extremes, [alone.Y.min(axis=0), alone.Y.max(axis=0)])
+    assert_array_equal(simulator.run(P).extremes(), [alone.Y.min(axis=0), alone.Y.max(axis=0)])
     if solver not in ADAPTIVE:
         assert "a = 1: the step became too short" in first or solver != mb.DormandPrince()
         assert ensemble.t_failed[1] >= 1.0 or not isinstance(solver, mb.RungeKutta)
@@ -58,26 +58,30 @@ def test_a_failed_sample_leaves_its_neighbours_alone(solver):
     assert_allclose(ensemble.Y[1, :10, 0], 1 / (1 - t[:10]), rtol=1e-6)  # up to where it failed, it is a run
 
 
+def drawn(law, times, **numbers):
+    """A bar on a hinge at the origin, whose point at the distance of 1 is drawn to x = law(p)."""
+    p = mb.Parameters(**numbers)
+    bar = mb.Body("bar", 1.0, 0.1, mb.Planar())
+    hinge = mb.Revolute("hinge", mb.Ground().point(0, 0), bar.point(0, 0))
+    system = mb.System(bar, hinge, mb.Motion("pull", bar.point(1, 0).x, law(p)), parameters=p)
+    return mb.Scene(system, times=times, guess={"bar.theta": 1.0}, outputs={"angle": bar.theta})
+
+
 def test_a_failed_run_says_nothing_on_the_terminal(capfd):
     mb.DAESimulator(explosion()).run(np.array([[1.0], [0.5]]))
-    out, err = capfd.readouterr()
-    assert (out, err) == ("", "")
+    assert tuple(capfd.readouterr()) == ("", "")
 
 
 def test_a_sample_that_cannot_be_assembled_fails_at_the_start():
     """A rod of length 1 from the origin reaches a wall at x = w only for w < 1."""
-    p = mb.Parameters(w=0.5)
-    rod = mb.Body("rod", 1.0, 0.1, mb.Planar())
-    hinge = mb.Revolute("hinge", mb.Ground().point(0, 0), rod.point(0, 0))
-    system = mb.System(rod, hinge, mb.Motion("wall", rod.point(1, 0).x, p.w + 0 * mb.t), parameters=p)
-    scene = mb.Scene(system, times=[0.0, 1.0], guess={"rod.theta": 1.0}, outputs={"angle": rod.theta})
+    scene = drawn(lambda p: p.w + 0 * mb.t, [0.0, 1.0], w=0.5)
     ensemble = mb.DAESimulator(scene).run(np.array([[0.5], [1.5], [0.9]]))
     assert_array_equal(ensemble.ok, [True, False, True])
     assert_allclose(ensemble.Y[[0, 2], :, 0], np.arccos([[0.5, 0.5], [0.9, 0.9]]))
     assert ensemble.t_failed[1] == 0.0
     assert ensemble.messages[0].startswith("t = 0 s, w = 1.5: the start could not be computed")
-    with pytest.raises(mb.SimulationError, match=r"t = 0 s \(w = 1\.5\): the start could not be computed.*'wall'"):
-        mb.simulate(scene, parameters={"w": 1.5})
+    told = r"t = 0 s \(w = 1\.5\): the start could not be computed.*'pull'"
+    refused(told, mb.simulate, scene, parameters={"w": 1.5}, error=mb.SimulationError)
 
 
 def lines_up():
@@ -88,12 +92,7 @@ def lines_up():
 
 def beyond_reach():
     """The end of a bar of length 1 from the origin is drawn to x = 0.5 + t; it is as far as it reaches at 0.5 s."""
-    p = mb.Parameters(length=1.0)
-    bar = mb.Body("bar", 1.0, 0.1, mb.Planar())
-    end = bar.point(p.length, 0).x
-    hinge = mb.Revolute("hinge", mb.Ground().point(0, 0), bar.point(0, 0))
-    system = mb.System(bar, hinge, mb.Motion("pull", end, 0.5 + mb.t), parameters=p)
-    scene = mb.Scene(system, times=np.linspace(0, 1, 9), guess={"bar.theta": 1.0}, outputs={"angle": bar.theta})
+    scene = drawn(lambda p: p.length - 0.5 + mb.t, np.linspace(0, 1, 9), length=1.0)
     return scene, mb.DormandPrince(), "the step became too short", "hinge"
 
 
@@ -111,13 +110,13 @@ def test_the_first_samples_that_fail_near_a_singular_position_name_its_joints(ma
 
 def test_a_run_that_fails_between_outputs_names_the_joints_of_a_singular_position():
     scene, solver, _, _ = beyond_reach()
-    with pytest.raises(mb.SimulationError, match=r"singular: near t = 0\.(5|49)\d* s, constraints 'hinge', 'pull'"):
-        mb.simulate(scene.with_times([0.0, 0.4, 1.0]), solver)
+    told = r"singular: near t = 0\.(5|49)\d* s, constraints 'hinge', 'pull'"
+    refused(told, mb.simulate, scene.with_times([0.0, 0.4, 1.0]), solver, error=mb.SimulationError)
 
 
 def test_derivatives_of_a_failing_run_are_an_error():
-    with pytest.raises(mb.SimulationError, match=r"derivatives fails at t = [01]\.?\d* s"):
-        mb.DAESimulator(explosion()).jets(np.array([1.0]), np.array([[1.0]]), 1)
+    jets, told = mb.DAESimulator(explosion()).jets, r"derivatives fails at t = [01]\.?\d* s"
+    refused(told, jets, np.array([1.0]), np.array([[1.0]]), 1, error=mb.SimulationError)
 
 
 def test_wrong_parameters_are_told():
@@ -132,5 +131,5 @@ def test_forces_that_are_not_numbers_at_the_start_are_named():
     spring = mb.Spring("spring", mb.Ground().point(0, 0), ball.point(0, 0), 100.0, length=0.5)
     push = mb.Force("push", other.point(0, 0), (1.0, 0.0))
     scene = mb.Scene(mb.System(ball, other, spring, push), times=[0.0, 1.0])
-    with pytest.raises(mb.SimulationError, match="fails at t = 0 s: the forces on 'ball' are not numbers at the start"):
-        mb.simulate(scene)
+    told = "fails at t = 0 s: the forces on 'ball' are not numbers at the start"
+    refused(told, mb.simulate, scene, error=mb.SimulationError)

@@ -1,17 +1,25 @@
-"""Switches and contacts that are short in a step that nothing else shortens: none is passed over."""
+"""Switches, contacts and forces that are short in a step are not passed over; planted faults of passes are doubted."""
 
+from dataclasses import replace
 from functools import cache
+from itertools import product
 
 import casadi as ca
+import machines
 import numpy as np
 import pytest
-from conftest import but_long
+from conftest import but_long, in_turns
+from faults import warned
 from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 from scipy.interpolate import PchipInterpolator
+from scipy.special import gammaln
 from small_scenes import particle
+from test_step_ends import ULP, pushed
 
 import symmb as mb
+from symmb.run.events import Kinks
+from symmb.run.integrate import compiled, multistep
 
 
 def wheel(act, rate, end, growth=0.0, **more):
@@ -186,3 +194,109 @@ def test_more_passes_of_a_table_than_are_noted_are_a_doubt(solver, bump):
         assert_allclose(energy, energy[0], rtol=1e-5)
     else:
         assert any("passes more than 1000 kinks or jumps (table)" in doubt for doubt in run.doubts)
+
+
+EXPLICIT = [None, mb.DormandPrince(), mb.EventDriven(), mb.StateSpace(), mb.CVODES()]
+IMPLICIT = [mb.CVODES(stiff=True), mb.IDAS(), mb.StabilizedIndex2(), mb.NSTIFFSI2(step=1.0, rtol=1e-9)]
+PULSES = {
+    "Gaussian": lambda u: ca.exp(-(u**2)) / np.sqrt(np.pi),
+    "tanh": lambda u: (ca.tanh(u) - ca.tanh(u - 2)) / 4,
+    "erf": lambda u: (ca.erf(u) - ca.erf(u - 2)) / 4,
+    "cosh": lambda u: 0.5 / ca.cosh(u) ** 2,
+    "logistic": lambda u: (1 / (1 + ca.exp(-u)) - 1 / (1 + ca.exp(3 - u))) / 3,
+}
+"""Functions with an integral of 1. Derivatives of the last two overflow far away, which stops implicit solvers."""
+
+
+FOLLOWED = *in_turns(EXPLICIT, PULSES, [1e-2, 1e-5, 1e-8]), *product(IMPLICIT, ["Gaussian", "tanh"], [1e-2, 1e-6])
+
+
+@pytest.mark.parametrize(("solver", "pulse", "width"), FOLLOWED, ids=str)
+def test_pulses_of_position_do_their_work(solver, pulse, width):
+    run = mb.simulate(pushed(lambda p, m: PULSES[pulse]((m.x - 2.1) / p.width) / p.width, width=width), solver)
+    assert_allclose(run["v"][1:], np.sqrt(3), rtol=0, atol=3e-6 + 8 * ULP / width)
+
+
+TURNING = [None, mb.DormandPrince(), mb.CVODES(), mb.IDAS(), mb.CVODES(stiff=True)]
+
+
+@pytest.mark.parametrize("solver, power, start", in_turns(TURNING, [9, 30, 50, 200, 5000], [0.3, 5.1, -1.14]), ids=str)
+def test_powers_of_a_wheel_s_cosine_act_in_each_turn(solver, power, start):
+    """The first force may be 1e-100. The mean of cos(x)**2n over a turn is (2n)! / (2**n n!)**2, here n = power."""
+    end = 10 * np.pi / 3
+    scene = wheel(lambda a: ((1 + ca.cos(start + a - 2)) / 2) ** power, 6.0, end).with_times([0.0, end])
+    mean = np.exp(gammaln(2 * power + 1) - 2 * gammaln(power + 1) - 2 * power * np.log(2))
+    assert_allclose(mb.simulate(scene, solver)["v"][-1], end * mean, rtol=2e-6)
+
+
+@pytest.mark.parametrize("width", [1e-3, 1e-7])
+@pytest.mark.parametrize("pulse", ["Gaussian", "erf"])
+@pytest.mark.parametrize("solver", [*EXPLICIT, *IMPLICIT], ids=repr)
+def test_pulses_of_time_have_their_impulse(solver, pulse, width):
+    run = mb.simulate(pushed(lambda p, m: PULSES[pulse]((mb.t - 1.2345) / p.width) / p.width, width=width), solver)
+    assert_allclose(run["v"][1:], 2, rtol=0, atol=3e-6 + 4 * ULP / width)
+
+
+@pytest.mark.parametrize("width", [1e-2, 1e-4, 1e-6])
+@pytest.mark.parametrize("solver", [None, mb.DormandPrince()], ids=repr)
+def test_a_motion_beside_the_middle_of_a_pulse_in_the_plane(solver, width):
+    def push(p, mass):
+        return ca.exp(-((mass.x - 2.1) ** 2 + mass.y**2) / p.width**2) / (np.sqrt(np.pi) * p.width)
+
+    start = {"mass.vx": 1.0, "mass.y": width / 3}
+    run = mb.simulate(particle(push, [0.0, 5.0], start, ("vx",), width=(width, width)), solver)
+    assert_allclose(run["vx"][-1], np.sqrt(1 + 2 * np.exp(-1 / 9)), rtol=0, atol=1e-6 + 8 * ULP / width)
+
+
+def test_every_sample_has_its_own_pulse():
+    def push(p, m):
+        return PULSES["Gaussian"]((m.x - p.place) / p.width) / p.width
+
+    simulator = mb.DAESimulator(pushed(push, place=2.0, width=1e-4), mb.DormandPrince())
+    places, widths = np.linspace(0.3, 4.2, 40), np.geomspace(1e-6, 1e-2, 40)
+    assert_allclose(simulator.run(np.column_stack([places, widths])).Y[:, -1, 1], np.sqrt(3), rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("solver", [None, mb.DormandPrince(), mb.CVODES()], ids=repr)
+@pytest.mark.parametrize(("rate", "level"), [(6.3, -0.9), (-2.1, 0.2), (11.0, -0.5)])
+def test_a_pass_that_the_states_show_and_the_run_did_not_make_is_doubted(rate, level, solver, monkeypatch):
+    act = lambda a: ca.if_else(ca.cos(a) < level, 1.0, 0.0) + ca.fmax(ca.sin(a) - 0.5, 0)  # noqa: E731
+    scene = wheel(act, rate, 5.0).with_times(np.linspace(0, 5, 501))
+    assert not mb.simulate(scene, solver).doubts
+
+    def without_one(stops):
+        return stops._replace(passes=np.where(np.arange(stops.passes.shape[-1]) == 3, np.inf, stops.passes))
+
+    of_engine, of_passes = compiled.stops_at, multistep.SwitchPasses.stops
+    monkeypatch.setattr(compiled, "stops_at", lambda passes: without_one(of_engine(passes)))
+    monkeypatch.setattr(multistep.SwitchPasses, "stops", lambda self, *of: without_one(of_passes(self, *of)))
+    warned("passes a switch after t = .* no step of the run ended", mb.simulate, scene.with_times(scene.times), solver)
+
+
+def test_values_that_are_rounding_are_on_no_side():
+    x, p, t = ca.SX.sym("x", 2), ca.SX.sym("p", 0), ca.SX.sym("t")
+    located = np.array([True, True])
+    kinks = Kinks(("fabs",), ca.Function("switches", [x, p, t], [x]), located, located)
+    times = np.linspace(0, 1, 101)
+    X = np.column_stack([np.where(np.arange(101) < 50, 1.0, 1e-9 * (-1.0) ** np.arange(101)), times - 0.7051])
+    values = kinks.values(X, np.empty(0), times)
+    assert kinks.passed_over(values, times, np.empty(0)) == pytest.approx(0.70)
+    assert np.isnan(kinks.passed_over(values, times, np.array([0.7051])))
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("height", [1.0, 1e-3])
+def test_a_gap_below_0_is_doubted(restitution, height, monkeypatch):
+    times = np.linspace(0, 0.9 * np.sqrt(8 * height / 9.81), 5)
+    scene = machines.bouncing_ball(restitution=restitution).scene(None, times, {"ball.y": height})
+    assert not mb.simulate(scene).doubts
+
+    def blind(self, x0, p, threads=1, real=compiled.CompiledIntegration.run):
+        """The ball falls through the floor."""
+        (run,) = real(self, x0, p, threads)
+        y, v = height - 9.81 / 2 * self.times**2, -9.81 * self.times
+        return [replace(run, X=np.column_stack([y, v, np.zeros_like(y)]), events=())]
+
+    monkeypatch.setattr(compiled.CompiledIntegration, "run", blind)
+    told = "gap of Impact 'floor' is -.* m at t = .*the run missed an impact"
+    warned(told, mb.simulate, scene.with_times(scene.times))  # nothing is prepared for this one

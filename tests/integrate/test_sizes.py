@@ -1,12 +1,16 @@
-"""Absolute tolerances follow the size of each state: small motions beside large ones, against closed forms."""
+"""Absolute tolerances follow the size of each state, against closed forms; systems of many bodies and of one state."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from conftest import ALL_SOLVERS
 from numpy.testing import assert_allclose
 from scipy.special import ellipj, ellipk
+from small_scenes import state, two_masses
 
 import symmb as mb
+from symmb.run.integrate import stiffness
 
 GROUND = mb.Ground()
 TOLERANCES = [None, mb.CVODES(), mb.CVODES(stiff=True), mb.DormandPrince(), mb.IDAS(), mb.StabilizedIndex2()]
@@ -15,10 +19,8 @@ TOLERANCES += [mb.StateSpace(), mb.Rosenbrock(), mb.EventDriven()]
 
 def two_oscillators(large: float, small: float, rate: float, span: float) -> mb.Scene:
     """x'' = -x from `large`, and y'' = -rate^2 y from `small`, of particles that do not act on each other."""
-    a, b = (mb.Body(name, 1.0, 0.0, mb.Particle()) for name in "ab")
-    springs = [mb.Force("slow", a.point(0, 0), (-a.x, 0)), mb.Force("fast", b.point(0, 0), (-(rate**2) * b.x, 0))]
-    outputs = {"x": a.x, "y": b.x}
-    return mb.Scene(mb.System(a, b, *springs), {"a.x": large, "b.x": small}, np.linspace(0, span, 41), outputs)
+    scene = two_masses(lambda p, a, b: ((-a.x, 0, 0), (0, -(p.rate**2) * b.y, 0)), rate=rate)
+    return replace(scene, start={"a.x": large, "b.y": small}, times=np.linspace(0, span, 41))
 
 
 @pytest.mark.parametrize(("large", "small", "rate"), [(10.0, 1e-9, 3.0), (1e3, 1e-7, 0.5), (1e-3, 1e-12, 2.0)])
@@ -57,11 +59,10 @@ def test_angles_of_tiny_mechanisms_are_not_held_below_their_rounding():
         plate, ground = mb.Body("plate", 1.0, length**2 / 3), mb.Ground()
         pins, cranks, joints = [(0.0, 0.0), (1.0, 0.2), (0.4, 0.9)], [], []
         for i, pin in enumerate(pins):
-            foot = ground.point(*(c * length for c in pin))
-            crank = mb.Body(f"crank{i}", 1.0, length**2 / 12)
-            cranks.append(crank)
-            joints.append(mb.Revolute(f"A{i}", foot, crank.point(-length / 2, 0)))
-            joints.append(mb.Revolute(f"B{i}", crank.point(length / 2, 0), plate.point(*(c * length for c in pin))))
+            place = tuple(c * length for c in pin)
+            cranks.append(crank := mb.Body(f"crank{i}", 1.0, length**2 / 12))
+            joints.append(mb.Revolute(f"A{i}", ground.point(*place), crank.point(-length / 2, 0)))
+            joints.append(mb.Revolute(f"B{i}", crank.point(length / 2, 0), plate.point(*place)))
         guess = {"plate.x": length * np.cos(1.3), "plate.y": length * np.sin(1.3)}
         for i, pin in enumerate(pins):
             guess |= {f"crank{i}.x": length * (pin[0] + np.cos(1.3) / 2), f"crank{i}.theta": 1.3}
@@ -78,9 +79,21 @@ def test_angles_of_tiny_mechanisms_are_not_held_below_their_rounding():
 @pytest.mark.parametrize("solver", ALL_SOLVERS, ids=repr)
 def test_a_single_state(solver):
     """z' = -k z alone: exp(-k t)."""
-    p = mb.Parameters(k=1.0)
-    z = mb.State("z", rate=lambda z: -p.k * z)
-    scene = mb.Scene(mb.System(z, parameters=p), {"z": 1.0}, np.linspace(0.0, 1.0, 3), {"z": z.value})
-    bounds = mb.propagate(scene, mb.Vertex(), mb.Box(k=(0.9, 1.1)), solver=solver)
-    np.testing.assert_allclose(bounds.lower[:, 0], np.exp(-1.1 * bounds.t), atol=1e-6)
-    np.testing.assert_allclose(bounds.upper[:, 0], np.exp(-0.9 * bounds.t), atol=1e-6)
+    scene = state(lambda p, z: -p.k * z, np.linspace(0.0, 1.0, 3), 1.0, k=(0.9, 1.1))
+    bounds = mb.propagate(scene, mb.Vertex(), solver=solver)
+    assert_allclose(bounds["z"], (np.exp(-1.1 * bounds.t), np.exp(-0.9 * bounds.t)), atol=1e-6)
+
+
+def test_a_long_chain_of_particles_runs():
+    """300 particles on springs: the memory grows with their number, and the fastest frequency is that of a chain."""
+    n, k = 300, 100.0
+    bodies = [mb.Body(f"b{i}", 1.0, pose=mb.Particle()) for i in range(n)]
+    ends = [mb.Ground().point(0, 0), *(body.point(0, 0) for body in bodies)]
+    springs = [mb.Spring(f"s{i}", ends[i], ends[i + 1], k, 1.0) for i in range(n)]
+    start = {f"b{i}.x": 1.0 + i + (0.1 if i == n - 1 else 0.0) for i in range(n)}
+    scene = mb.Scene(mb.System(*bodies, *springs), start, [0.0, 0.05], {"x": bodies[-1].x})
+    simulator = mb.prepare(scene)
+    x = simulator.start.states(simulator.dae.p_nominal[None])[0]
+    fastest = stiffness(simulator.dae, x, simulator.dae.p_nominal, np.zeros(1))
+    assert fastest.frequency == pytest.approx(2 * np.sqrt(k) * np.cos(np.pi / (4 * n + 2)), rel=0.03)
+    assert mb.simulate(scene)["x"][-1] == pytest.approx(n + 0.1 * np.cos(10 * 0.05), rel=1e-4)

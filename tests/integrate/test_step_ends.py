@@ -1,9 +1,13 @@
-"""Steps end at switches of time and state: against closed forms, and against SciPy, which restarts at each event."""
+"""Steps end at switches of time and state, also between impacts: closed forms, and SciPy, restarted at each event."""
+
+from itertools import product
 
 import casadi as ca
 import numpy as np
 import pytest
 from conftest import in_turns
+from faults import refused
+from machines import ball
 from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
@@ -83,43 +87,23 @@ PULSES = {
 }
 
 
-@pytest.mark.parametrize("width", [1e-3, 1e-5, 1e-7, 1e-9])
-@pytest.mark.parametrize("pulse", [*PULSES, "Table"])
-def test_impulses_of_any_width(pulse, width):
+WIDTHS = [1e-3, 1e-5, 1e-7, 1e-9]
+
+
+CONTROLLED = [
+    mb.CVODES(), mb.CVODES(stiff=True), mb.IDAS(), mb.StabilizedIndex2(), mb.StateSpace(), mb.Rosenbrock(),
+    mb.NSTIFFSI2(step=1.0, rtol=1e-9), mb.EventDriven(),
+]  # fmt: skip
+IMPULSES = *product([mb.DormandPrince()], [*PULSES, "Table"], WIDTHS), *in_turns(CONTROLLED, PULSES, [1e-3, 1e-6, 1e-8])
+
+
+@pytest.mark.parametrize(("solver", "pulse", "width"), IMPULSES, ids=str)
+def test_impulses_of_any_width(solver, pulse, width):
     table = mb.Table([0, BEGIN, BEGIN + width / 2, BEGIN + width, 10], [0, 0, 2 / width, 0, 0])
-    run = mb.simulate(pushed(PULSES.get(pulse, lambda p, m: table(mb.t)), width=width), mb.DormandPrince())
+    run = mb.simulate(pushed(PULSES.get(pulse, lambda p, m: table(mb.t)), width=width), solver)
     error = 1e-6 + 4 * ULP / width
     assert_allclose(run["v"], [1, 2, 2], rtol=0, atol=error)
     assert_allclose(run["x"][-1], 5 + (5 - BEGIN - width / 2), rtol=0, atol=4 * error)
-
-
-@pytest.mark.parametrize("width", [1e-3, 1e-5, 1e-7, 1e-9])
-@pytest.mark.parametrize("by", ["two comparisons", "fabs"])
-def test_zones_of_position_do_their_work(by, width):
-    zone = {
-        "two comparisons": lambda p, m: ca.if_else(ca.logic_and(m.x > 2, m.x < 2 + p.width), 1 / p.width, 0),
-        "fabs": lambda p, m: ca.if_else(ca.fabs(m.x - 2 - p.width / 2) < p.width / 2, 1 / p.width, 0),
-    }[by]
-    run = mb.simulate(pushed(zone, width=width), mb.DormandPrince())
-    speed = np.sqrt(3)  # work 1 on 1 kg at 1 m/s
-    assert_allclose(run["v"][1:], [speed, speed], rtol=0, atol=1e-6 + 4 * ULP / width)
-    through = width * (speed - 1)  # v' = 1 / width
-    assert_allclose(run["x"][-1], 2 + width + (3 - through) * speed, rtol=0, atol=4e-6 + 16 * ULP / width)
-
-
-@pytest.mark.parametrize("width", [1e-3, 1e-6, 1e-9])
-def test_zones_are_entered_and_left_where_they_are(width):
-    """A zone as narrow as the rounding of its switches, which the motion leaves by the switch by which it came."""
-
-    def back(p, m):
-        return ca.if_else(ca.logic_and(m.x > 2, m.x < 2 + p.width), -0.8 / p.width, 0)
-
-    def ramp(p, m):
-        return ca.if_else(ca.logic_and(m.x > 2, m.x < 2 + p.width), 0.5 / p.width + (m.x - 2) / p.width**2, 0)
-
-    for law, speed in (back, -1), (ramp, np.sqrt(3)):
-        run = mb.simulate(pushed(law, width=width), mb.DormandPrince())
-        assert_allclose(run["v"][1:], speed, rtol=0, atol=1e-6 + 4 * ULP / width)
 
 
 def test_two_pulses_within_one_step_and_pulses_of_uncertain_place():
@@ -144,8 +128,7 @@ def test_switches_at_the_start_and_at_the_end_of_the_run():
 @pytest.mark.parametrize("friction", [2.0, 5.0])
 def test_a_motion_that_sticks_is_an_error(friction):
     scene = pushed(lambda p, m: -p.mu * ca.sign(m.vx) + 3 * ca.sin(2 * mb.t), mu=friction)
-    with pytest.raises(mb.SimulationError, match="sticks to a switch"):
-        mb.simulate(scene)
+    refused("sticks to a switch", mb.simulate, scene, error=mb.SimulationError)
 
 
 def overdamped_stop(damping, length=1.0, time=1.0):
@@ -175,10 +158,7 @@ def test_an_overdamped_stop_does_not_stick(size, damping):
 def test_sliding_without_sticking_is_as_by_scipy():
     times = np.linspace(0, 10, 101)
     scene = pushed(lambda p, m: -p.mu * ca.sign(m.vx) - 4 * m.x + 3 * ca.sin(2.7 * mb.t), times=times, mu=0.1)
-    try:
-        run = mb.simulate(scene, mb.DormandPrince())
-    except mb.SimulationError as error:
-        pytest.fail(str(error))
+    run = mb.simulate(scene, mb.DormandPrince())
     sign, t, y, states = 1.0, 0.0, np.array([0.0, 1.0]), [np.array([[0.0], [1.0]])]
     turned = lambda t, y: y[1]  # noqa: E731
     turned.terminal = True
@@ -214,24 +194,11 @@ def test_switches_of_time_that_oscillate_are_all_found(frequency):
     assert_allclose(inner, expected[expected < 10 - 1e-6], rtol=1e-9)
 
 
-CONTROLLED = [
-    mb.CVODES(), mb.CVODES(stiff=True), mb.IDAS(), mb.StabilizedIndex2(), mb.StateSpace(), mb.Rosenbrock(),
-    mb.NSTIFFSI2(step=1.0, rtol=1e-9), mb.EventDriven(),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize(("solver", "pulse", "width"), in_turns(CONTROLLED, PULSES, [1e-3, 1e-6, 1e-8]), ids=str)
-def test_impulses_by_every_solver_that_controls_its_steps(solver, pulse, width):
-    run = mb.simulate(pushed(PULSES[pulse], width=width), solver)
-    assert_allclose(run["v"], [1, 2, 2], rtol=0, atol=1e-6 + 4 * ULP / width)
-
-
 def test_impulses_between_impacts():
-    ball = mb.Body("ball", 1.0, pose=mb.Particle())
     push = ca.if_else(ca.logic_and(mb.t > BEGIN, mb.t < BEGIN + 1e-8), 1e8, 0)
-    system = mb.System(ball, mb.Force("push", ball.point(0, 0), (push, 0)), mb.Impact("wall", 3 - ball.x, 1.0))
-    run = mb.simulate(mb.Scene(system, {"ball.vx": 1.0}, [0.0, 1.0, 2.0, 4.0], {"x": ball.x, "v": ball.vx}))
-    assert_allclose(run["v"], [1, 1, 2, -2], rtol=0, atol=1e-6)
+    machine = ball(lambda m: (mb.Force("push", m.at, (push, 0)), mb.Impact("wall", 3 - m.ball.x, 1.0)), g=None)
+    run = machine.run("x vx", [0.0, 1.0, 2.0, 4.0], {"ball.vx": 1.0})
+    assert_allclose(run["vx"], [1, 1, 2, -2], rtol=0, atol=1e-6)
     assert_allclose(run["x"][-1], 3 - 2 * (4 - BEGIN - (3 - BEGIN) / 2), rtol=0, atol=1e-6)
 
 
@@ -267,3 +234,83 @@ def test_tables_that_are_narrow_as_a_whole_do_their_work(curve, width):
     table = mb.Table(2 + width * np.array(knots), np.array(heights) / width)
     run = mb.simulate(pushed(lambda p, m: ca.if_else(m.x < 2 + 2 * width, table(m.x), 0)), mb.DormandPrince())
     assert_allclose(run["v"][1:], np.sqrt(1 + 2 * area), rtol=0, atol=1e-6)
+
+
+GRAVITY, RESTITUTION, ZONE = 9.81, 0.8, 0.5
+TIMES = np.linspace(0, 3, 31)
+
+
+def falling(force, times=TIMES):
+    """A ball that falls from 1 m and bounces, under a force of its body and the parameters."""
+    body = mb.Body("ball", 1.0, pose=mb.Particle())
+    p = mb.Parameters(work=2.0)
+    push = mb.Force("push", body.point(0, 0), (0, force(body, p) - GRAVITY))
+    system = mb.System(body, push, mb.Impact("floor", body.y, restitution=RESTITUTION), parameters=p)
+    return mb.Scene(system, {"ball.x": 0.0, "ball.y": 1.0}, times, {"y": body.y, "v": body.vy}, name="ball")
+
+
+def zone(width):
+    """A force that does a work over a width, upwards."""
+    return falling(lambda b, p: ca.if_else(ca.logic_and(b.y > ZONE, b.y < ZONE + width), p.work / width, 0))
+
+
+def exact(work, width, times=TIMES):
+    """Positions and velocities: parabolas from edge to edge of the zone and from impact to impact."""
+    t, y, v, pieces = 0.0, 1.0, 0.0, []
+    while t < times[-1]:
+        inside = ZONE < y < ZONE + width or (y == ZONE and v > 0) or (y == ZONE + width and v < 0)
+        a = (work / width if inside else 0.0) - GRAVITY
+        pieces.append((t, y, v, a))
+        ways = [(time, edge) for edge in (0.0, ZONE, ZONE + width) for time in passes(y - edge, v, a)]
+        ahead, y = min(ways)
+        t, v = t + ahead, v + a * ahead
+        v = -RESTITUTION * v if y == 0.0 else v
+    begin, y, v, a = np.array([next(p for p in reversed(pieces) if p[0] <= now) for now in times]).T
+    ahead = times - begin
+    return y + v * ahead + a * ahead**2 / 2, v + a * ahead
+
+
+def passes(y, v, a):
+    """Times at which y + v t + a t^2 / 2 is 0 after the start."""
+    square = v**2 - 2 * a * y
+    roots = [(-v + sign * np.sqrt(square)) / a for sign in (-1, 1)] if square >= 0 else []
+    return [t for t in roots if t > 1e-12 or (y != 0 and t > 0)]
+
+
+@pytest.mark.parametrize("work", [2.0, -2.0, 3.0])
+@pytest.mark.parametrize("width", [1e-3, 1e-6, 1e-9])
+def test_narrow_zones_do_their_work_between_impacts(width, work):
+    run = mb.simulate(zone(width), parameters={"work": work})
+    y, v = exact(work, width)
+    near = 1e-6 + 4 * np.spacing(1.0) / width
+    assert "EventDriven" in run.solver and len(run.events) >= 6
+    np.testing.assert_allclose(run["y"], y, atol=near)
+    np.testing.assert_allclose(run["v"], v, atol=near)
+
+
+def test_samples_pass_zones_at_their_own_times():
+    works = np.linspace(-3, 4, 11)
+    Y = mb.DAESimulator(zone(1e-6)).run(works[:, None]).Y
+    for values, work in zip(Y, works, strict=True):
+        np.testing.assert_allclose(values.T, exact(work, 1e-6), atol=1e-6)
+
+
+def test_a_motion_that_sticks_to_a_switch_between_impacts_ends_with_the_reason():
+    rough = falling(lambda b, p: ca.if_else(b.y < ZONE, -20 * ca.sign(b.vy), 0))
+    refused("switch", mb.simulate, rough, error=mb.SimulationError)
+
+
+def test_bounces_on_a_floor_behind_an_elastic_layer():
+    stiff = 1e4
+    run = mb.simulate(falling(lambda b, p: ca.if_else(b.y < 0.1, stiff * (0.1 - b.y), 0)))
+    weak = GRAVITY / stiff
+    speed = np.sqrt(2 * GRAVITY * 0.9)
+    depth = weak + np.sqrt(weak**2 + speed**2 / stiff)
+    assert depth < 0.1 and not run.events
+    omega = np.sqrt(stiff)
+    in_layer = 2 * (np.pi - np.arctan(speed / (omega * weak))) / omega
+    fall = np.sqrt(2 * 0.9 / GRAVITY)
+    now = TIMES % (2 * fall + in_layer)
+    flying = (now < fall) | (now > fall + in_layer)
+    ahead = np.where(now < fall, now, 2 * fall + in_layer - now)[flying]
+    np.testing.assert_allclose(run["y"][flying], 1 - GRAVITY * ahead**2 / 2, atol=1e-6)

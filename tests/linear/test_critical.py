@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from faults import refused
+from machines import GROUND
 from scipy.optimize import minimize
 
 import symmb as mb
@@ -41,12 +42,8 @@ def published(v, w=1.02, c=0.08, lam=np.pi / 10, xB=0.3, hB=0.9, mB=85.0) -> np.
     M = np.array([[ITxx, IAlx + mu * ITxz], [IAlx + mu * ITxz, IAll + 2 * mu * IAlz + mu**2 * ITzz]])
     K0 = np.array([[mT * zT, -SA], [-SA, -SA * s]])
     K2 = np.array([[0, (ST - mT * zT) / w * k], [0, (SA + SF * s) / w * k]])
-    C1 = np.array(
-        [
-            [0, mu * ST + SF * k + ITxz / w * k - mu * mT * zT],
-            [-(mu * ST + SF * k), IAlz / w * k + mu * (SA + ITzz / w * k)],
-        ]
-    )
+    lean = mu * ST + SF * k
+    C1 = np.array([[0, lean + ITxz / w * k - mu * mT * zT], [-lean, IAlz / w * k + mu * (SA + ITzz / w * k)]])
     lower = -np.linalg.solve(M, np.hstack([g * K0 + v**2 * K2, v * C1]))
     return np.vstack([np.hstack([np.zeros((2, 2)), np.eye(2)]), lower])
 
@@ -97,18 +94,17 @@ def test_bounds_of_the_critical_speeds():
     scene = bicycle.scene()
     bounds = mb.propagate(mb.critical(scene, "v", (0.1, 10.0)), mb.PolynomialChaos(tolerance=1e-2), box=scene.box)
     names = {"wheelbase": "w", "trail": "c", "tilt": "lam", "frame_x": "xB", "frame_z": "hB", "frame_mass": "mB"}
-    grid = itertools.product(*[np.linspace(*ends, 3) for ends in scene.box.bounds])
-    values = np.array([limits(**dict(zip(map(names.get, scene.box.names), point, strict=True))) for point in grid])
+
+    def at(point):
+        return limits(**dict(zip(map(names.get, scene.box.names), point, strict=True)))
+
+    points = np.array([*itertools.product(*[np.linspace(*ends, 3) for ends in scene.box.bounds])])
+    values = np.array([at(point) for point in points])
     lower, upper = bounds.outer
     assert (lower[0] <= values.min(axis=0)).all() and (values.max(axis=0) <= upper[0]).all()
-    points = np.array(list(itertools.product(*[np.linspace(*ends, 3) for ends in scene.box.bounds])))
     for k in range(2):
         for sign, bound in ((1, bounds.lower[0, k]), (-1, bounds.upper[0, k])):
-
-            def speed(x, k=k, sign=sign):
-                return sign * limits(**dict(zip(map(names.get, scene.box.names), x, strict=True)))[k]
-
-            begin = points[(sign * values[:, k]).argmin()]
+            begin, speed = points[(sign * values[:, k]).argmin()], lambda x, k=k, sign=sign: sign * at(x)[k]
             extreme = sign * minimize(speed, begin, bounds=scene.box.bounds, options={"eps": 1e-5}).fun
             assert abs(bound - extreme) <= 1e-2 * np.ptp(values[:, k])
     assert bounds.evaluations <= 120
@@ -120,9 +116,8 @@ def test_flutter_of_a_follower_force():
     Masses 2 m and m at the ends of two links of length 1, springs c: P = (7/2 - sqrt(2)) c.
     """
     p = mb.Parameters(c=2.0, P=1.0)
-    ground = mb.Ground()
     one, two = mb.Body("one", 2.0, 1e-12), mb.Body("two", 1.0, 1e-12)
-    a = mb.Revolute("a", ground.point(0, 0), one.point(-1, 0))
+    a = mb.Revolute("a", GROUND.point(0, 0), one.point(-1, 0))
     b = mb.Revolute("b", one.point(0, 0), two.point(-1, 0))
     load = mb.Force("load", two.point(0, 0), (-p.P * ca.cos(two.theta), -p.P * ca.sin(two.theta)))
     springs = (mb.Actuator("s1", a, -p.c * a.angle), mb.Actuator("s2", b, -p.c * b.angle))

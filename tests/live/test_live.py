@@ -10,15 +10,16 @@ from typing import Any
 import numpy as np
 import pytest
 from browser import NEEDED, Browser
+from faults import refused
 
 import symmb as mb
-from symmb._errors import DeclarationError
 from symmb.run.codegen import NoCompilerError
 from symmb.show.cli.main import main
 from symmb.show.drawing import surveyed
 from symmb.show.live.wasm import levels
 
 COMPILED = pytest.mark.skipif(importlib.util.find_spec("ziglang") is None, reason="needs ziglang")
+seen = lambda test: NEEDED(COMPILED(test))  # noqa: E731
 pytestmark = pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
 WIDTH = 1e-9
 """Largest difference of bounds, as a fraction of their width."""
@@ -52,17 +53,13 @@ class Live:
     """A live page that is open in a browser, without its panel."""
 
     def __init__(self, browser: Browser, subject: mb.Scene | mb.Bounds, path: Path, limits: Any = None) -> None:
-        if isinstance(subject, mb.Bounds):
-            subject.live(path, limits)
-        else:
-            mb.live(subject, path, limits)
+        subject.live(path, limits) if isinstance(subject, mb.Bounds) else mb.live(subject, path, limits)
         self.browser, self.count = browser, 1000  # the page's own worker has other studies
         browser.open(path)
         browser.run(f"{DRIVER}; 0")
         self.data = json.loads(browser.run("JSON.stringify({ ...page.live, wasm: null })"))
-        self.values, self.tolerances = (
-            np.array([p[key] for p in self.data["parameters"]], dtype=float) for key in ("value", "tolerance")
-        )
+        numbers = [(p["value"], p["tolerance"]) for p in self.data["parameters"]]
+        self.values, self.tolerances = np.array(numbers, dtype=float).T
 
     def studies(self, *changes: tuple[Any, Any], limits: Any = (), until: str = "effects") -> list[dict[str, Any]]:
         """All messages until the last of some studies with these values and tolerances ends."""
@@ -73,10 +70,11 @@ class Live:
             asked.append({"id": self.count, "limits": list(limits), **own})
         messages = json.loads(self.browser.run(f"studies({json.dumps(asked)}, '{until}')"))
         for message in messages:
-            sizes = {"rows": self.data["n_out"], "widths": len(self.values)}
-            for key in {"rows", "lower", "upper", "error", "widths"} & message.keys():
+            n_y = self.data["n_y"]
+            sizes = {"rows": self.data["n_out"], "widths": len(self.values), "lower": n_y, "upper": n_y, "error": n_y}
+            for key in sizes.keys() & message.keys():
                 if message[key] is not None:
-                    message[key] = np.array(message[key], dtype=float).reshape(-1, sizes.get(key, self.data["n_y"]))
+                    message[key] = np.array(message[key], dtype=float).reshape(-1, sizes[key])
         return messages
 
 
@@ -84,8 +82,7 @@ def shipped(name: str) -> mb.Scene:
     return import_module(f"models.{name}").scene()
 
 
-@NEEDED
-@COMPILED
+@seen
 @pytest.mark.parametrize(
     ("name", "most"), [("double_pendulum", 2), ("four_bar", 3), ("four_bar", 4), ("bouncing_ball", 1)]
 )
@@ -117,8 +114,7 @@ def test_runs_and_bounds_are_those_of_python(browser, tmp_path, name, most):
     assert np.array_equal(bounds[-1]["error"], change) and np.isinf(bounds[0]["error"]).all()
 
 
-@NEEDED
-@COMPILED
+@seen
 def test_bounds_are_possible_values(browser, tmp_path):
     """The lift of a wheel is never negative, but its polynomials are."""
     live = Live(browser, shipped("half_car"), tmp_path / "page.html")
@@ -127,8 +123,7 @@ def test_bounds_are_possible_values(browser, tmp_path):
     assert lifts and (bounds["lower"][:, lifts] == 0).any() and (bounds["lower"][:, lifts] >= 0).all()
 
 
-@NEEDED
-@COMPILED
+@seen
 @pytest.mark.parametrize("name", ["half_car", "slider_crank_spatial", "slider_crank_flexible"])
 def test_the_drawing_follows_the_parameters(browser, tmp_path, name):
     scene = shipped(name)
@@ -136,10 +131,8 @@ def test_the_drawing_follows_the_parameters(browser, tmp_path, name):
     values = live.values * 1.02
     (run,) = [m for m in live.studies((values, 0 * values), until="run") if m["kind"] == "run"]
     parameters = dict(zip(scene.system.parameters, values, strict=True))
-    (drawing, survey, rows), (nominal, *_) = (
-        surveyed(mb.simulate(scene, parameters=parameters)),
-        surveyed(mb.simulate(scene)),
-    )
+    drawing, survey, rows = surveyed(mb.simulate(scene, parameters=parameters))
+    nominal, *_ = surveyed(mb.simulate(scene))
     driven = tuple(survey.driven(drawing.shapes))
     assert len(driven) == len(live.data["columns"]) - 1
     for own, column in zip(driven, live.data["columns"][1:], strict=True):
@@ -155,15 +148,12 @@ def test_the_drawing_follows_the_parameters(browser, tmp_path, name):
         assert np.abs(seen - np.reshape(drawn, (-1, n))).max() < SEEN
 
 
-@NEEDED
-@COMPILED
+@seen
 def test_limits_have_worst_cases_and_factors(browser, tmp_path):
-    p = mb.Parameters(a=1.0, b=1.0)
-    ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
-    system = mb.System(ball, mb.Gravity(0, -2), parameters=p)
-    times, start = np.array([0.0, 1.0, 2.0]), {"ball.vx": p.a, "ball.vy": p.a * p.b}
-    outputs = {"x": ball.x, "y": ball.y + mb.t**2}
-    scene = mb.Scene(system, start=start, times=times, outputs=outputs, box=mb.Box(a=(0.9, 1.1), b=(0.8, 1.2)))
+    p, ball = mb.Parameters(a=1.0, b=1.0), mb.Body("ball", mass=1.0, pose=mb.Particle())
+    system, box = mb.System(ball, mb.Gravity(0, -2), parameters=p), mb.Box(a=(0.9, 1.1), b=(0.8, 1.2))
+    start, outputs = {"ball.vx": p.a, "ball.vy": p.a * p.b}, {"x": ball.x, "y": ball.y + mb.t**2}
+    scene = mb.Scene(system, start, [0.0, 1.0, 2.0], outputs, box)
     live = Live(browser, scene, tmp_path / "page.html", {"y": (None, 3.0), "x": (-1.0, 2.1)})
     assert live.data["limits"] == [{"output": 1, "low": None, "high": 3.0}, {"output": 0, "low": -1.0, "high": 2.1}]
     *_, bounds, effects = live.studies((live.values, live.tolerances), limits=live.data["limits"])
@@ -183,27 +173,18 @@ def thrown() -> mb.Scene:
     """A ball that is thrown from 1.5 m at 12 m/s and bounces, with scalar outputs of all kinds."""
     p = mb.Parameters(rise=8.0, e=0.7)
     ball = mb.Body("ball", mass=0.2, pose=mb.Particle())
-    wall = mb.Impact("floor", ball.y, restitution=p.e)
-    system = mb.System(ball, wall, mb.Gravity(0, -9.81), parameters=p)
-    outputs = {
-        "height": mb.maximum(ball.y),
-        "y": ball.y,
-        "second height": mb.maximum(ball.y, window=(2.0, None)),
-        "fastest": mb.maximum(ball.vy, window=(1.0, None)),
-        "mean": mb.mean(ball.y, window=(0.0, 1.0)),
-        "end": (mb.final(ball.x), "mm"),
-        "landing": (mb.first_time(ball.y <= 0), "ms"),
-        "below start": mb.first_time(ball.y < 1.5),
-        "range": mb.value_at(ball.x, ball.y <= 0),
-        "speed": mb.value_at(ball.vy, ball.y <= 0),
-    }
+    system = mb.System(ball, mb.Impact("floor", ball.y, restitution=p.e), mb.Gravity(0, -9.81), parameters=p)
+    highest = {"height": mb.maximum(ball.y), "second height": mb.maximum(ball.y, window=(2.0, None))}
+    others = {"fastest": mb.maximum(ball.vy, window=(1.0, None)), "mean": mb.mean(ball.y, window=(0.0, 1.0))}
+    times = {"landing": (mb.first_time(ball.y <= 0), "ms"), "below start": mb.first_time(ball.y < 1.5)}
+    ends = {"range": mb.value_at(ball.x, ball.y <= 0), "speed": mb.value_at(ball.vy, ball.y <= 0)}
+    outputs = {"y": ball.y, "end": (mb.final(ball.x), "mm")} | highest | others | times | ends
     box = mb.Box(rise=(7.5, 8.5), e=(0.65, 0.75))
     start = {"ball.y": 1.5, "ball.vx": 9.0, "ball.vy": p.rise}
     return mb.Scene(system, start=start, times=np.linspace(0.0, 3.0, 31), outputs=outputs, box=box)
 
 
-@NEEDED
-@COMPILED
+@seen
 def test_scalar_outputs(browser, tmp_path):
     scene, g = thrown(), 9.81
     live = Live(browser, scene, tmp_path / "page.html", {"range": (14.0, None), "second height": (None, 2.5)})
@@ -211,8 +192,8 @@ def test_scalar_outputs(browser, tmp_path):
     run = live.studies((live.values, live.tolerances))[0]["rows"]
     exact = {}
     for rise, e in ((8.0, 0.7), (7.5, 0.65), (8.5, 0.75)):
-        landing = (rise + np.sqrt(rise**2 + 3 * g)) / g
         speed = np.sqrt(rise**2 + 3 * g)
+        landing = (rise + speed) / g
         exact[rise] = {
             "height": 1.5 + rise**2 / (2 * g),
             "second height": (e * speed) ** 2 / (2 * g),
@@ -254,8 +235,7 @@ def growth(n: int = 41) -> mb.FunctionSimulator:
     return mb.FunctionSimulator(run, {"k": 1.0, "offset": 0.5}, times, ["x [m]", "y"])
 
 
-@NEEDED
-@COMPILED
+@seen
 @pytest.mark.parametrize(("method", "parts"), [(mb.PolynomialChaos(order=6), 1), (mb.PolynomialChaos(), 2)])
 def test_bounds_without_a_scene_have_a_page_of_their_polynomials(browser, tmp_path, method, parts):
     bounds = mb.propagate(growth(), method, mb.Box(k=(0.5, 1.5), offset=(0.0, 1.0)))
@@ -269,10 +249,7 @@ def test_bounds_without_a_scene_have_a_page_of_their_polynomials(browser, tmp_pa
     exec(live.browser.run("$('copy').click(), $('copied').textContent"), names)
     assert np.allclose(names["bounds"].upper, bounds.upper, rtol=1e-12, atol=1e-3)
     error, width = bounds.surrogate.error, (bounds.upper - bounds.lower).max(axis=0)
-    for value, tolerance in (
-        (np.array([1.0, 0.5]), np.array([0.5, 0.5])),
-        (np.array([0.7, 0.4]), np.array([0.1, 0.2])),
-    ):
+    for value, tolerance in np.array([[[1.0, 0.5], [0.5, 0.5]], [[0.7, 0.4], [0.1, 0.2]]]):
         messages = live.studies((value, tolerance), limits=live.data["limits"])
         (run,), (*_, found, effects) = [m for m in messages if m["kind"] == "run"], messages
         unit = (value - [1.0, 0.5]) / 0.5
@@ -288,8 +265,7 @@ def test_bounds_without_a_scene_have_a_page_of_their_polynomials(browser, tmp_pa
     assert np.isclose(limit["margin"], 0.3 + np.exp(3) - np.exp(1.6), atol=2 * error[-1, 0] + 1e-6)
 
 
-@NEEDED
-@COMPILED
+@seen
 def test_worst_cases_and_factors_at_a_kink(browser, tmp_path):
     """Both are exact in the parts beside the kink of |x - 0.3|, for x = 0.1 ± 0.5. Parameter y has no effect."""
     start = {"x": 0.0, "y": 0.0}
@@ -305,8 +281,7 @@ def test_worst_cases_and_factors_at_a_kink(browser, tmp_path):
     assert np.isclose([own["factor"] for own in effects["limits"]], [1.6, 0.3], atol=3 * error).all()
 
 
-@NEEDED
-@COMPILED
+@seen
 def test_a_page_of_polynomials_stays_in_its_box(browser, tmp_path):
     bounds = mb.propagate(growth(1), mb.PolynomialChaos(order=8), mb.Box(k=(0.5, 1.5)))
     bounds.live(tmp_path / "page.html", {"x [m]": (None, 1e6 + 0.5 + np.exp(1.4))})
@@ -314,17 +289,15 @@ def test_a_page_of_polynomials_stays_in_its_box(browser, tmp_path):
     browser.run("live.ready")
     words = "$('limits').children[0].children[1].textContent.replaceAll('\u00a0', ' ')"
     assert browser.run(words).startswith("violated: exceeded by 0.42")
-    factor = (
-        "new Promise(go => { const look = () => $('factor').textContent ? go($('factor').textContent)"
-        " : setTimeout(look, 20); look(); })"
-    )
+    factor = """new Promise(go => { const look = () => $('factor').textContent ? go($('factor').textContent)
+                : setTimeout(look, 20); look(); })"""
     assert browser.run(factor) == "With all tolerances 0.8 times as large, the output just reaches the limit."
     browser.run("live.set({k: {value: 1.45, tolerance: 0.05}})")
     assert browser.run(factor) == "The nominal run is already beyond the limit."
     browser.run("live.set({k: {value: 1.2, tolerance: 0.4}})")
     found = browser.run("live.result('x [m]')")
-    assert np.isclose(found["lower"][0] - 1e6 - 0.5, np.exp(0.9), atol=1e-6)
-    assert np.isclose(found["upper"][0] - 1e6 - 0.5, np.exp(1.5), atol=1e-6)
+    ends = np.array([found["lower"][0], found["upper"][0]]) - 1e6 - 0.5
+    assert np.allclose(ends, np.exp([0.9, 1.5]), rtol=0, atol=1e-6)
     browser.run("live.set({k: {value: 3, tolerance: 0.1}})")
     assert np.isclose(browser.run("live.result('x [m]')")["upper"][0] - 1e6 - 0.5, np.exp(1.5), atol=1e-6)
     assert browser.run("live.set({k: {value: 1, tolerance: 0.2}})") is None and not browser.errors
@@ -332,22 +305,19 @@ def test_a_page_of_polynomials_stays_in_its_box(browser, tmp_path):
     assert browser.run(factor) == "With all tolerances 2 times as large, the output just reaches the limit."
 
 
-@NEEDED
-@COMPILED
+@seen
 def test_long_curves_have_fewer_times(browser, tmp_path):
     bounds = mb.propagate(growth(5001), mb.PolynomialChaos(order=8), mb.Box(k=(0.5, 1.5), offset=(0.0, 1.0)))
     live = Live(browser, bounds, tmp_path / "page.html")
     n = live.data["n_t"]
-    assert (tmp_path / "page.html").stat().st_size < 400e3 and f"It has {n} of 5001 times, and decides" in live.data[
-        "note"
-    ]
+    assert (tmp_path / "page.html").stat().st_size < 400e3
+    assert f"It has {n} of 5001 times, and decides" in live.data["note"]
     *_, found, _ = live.studies((live.values, live.tolerances))
     rows = np.searchsorted(bounds.t, live.data["times"])
     assert np.abs(found["upper"][:, 0] - bounds.upper[rows, 0]).max() < SINGLE * np.exp(3)
 
 
-@NEEDED
-@COMPILED
+@seen
 def test_the_last_change_wins_and_failed_runs_end_a_study(browser, tmp_path):
     scene = shipped("four_bar")
     live = Live(browser, scene, tmp_path / "page.html")
@@ -376,8 +346,7 @@ def test_bounds_and_the_command_write_live_pages(tmp_path, capsys):
     assert page is not None and page.text == (tmp_path / "a.html").read_text()
 
 
-@NEEDED
-@COMPILED
+@seen
 @pytest.mark.parametrize("given", ["slider_crank", "of_my_crank.py"])
 def test_copied_python_is_complete(browser, tmp_path, monkeypatch, given):
     """It runs without further lines, and gives the bounds of the page."""
@@ -404,21 +373,15 @@ def test_outputs_without_polynomials_are_left_out():
     page = replace(bounds, surrogate=replace(bounds.surrogate, error=error)).live()
     assert page is not None
     data = json.loads(page.text.partition('id="drawing">')[2].partition("</script>")[0])["live"]
-    assert [own["name"] for own in data["outputs"]] == ["x [m]"] and [own["name"] for own in data["parameters"]] == [
-        "k"
-    ]
+    assert [own["name"] for key in ("outputs", "parameters") for own in data[key]] == ["x [m]", "k"]
     assert data["note"].endswith("There are no polynomials for y.")
 
 
 def test_refusals(monkeypatch):
     scene = shipped("bouncing_ball")
-    for subject, limits, message in ((replace(scene, box=None), None, "no box"), (scene, {"z": (0, 1)}, "'z'")):
-        with pytest.raises(DeclarationError, match=message):
-            mb.live(subject, limits=limits)
-    with pytest.raises(DeclarationError, match="html"):
-        mb.live(scene, "page.png")
-    with pytest.raises(DeclarationError, match="no scene and no polynomials"):
-        mb.propagate(growth(), mb.Vertex(), mb.Box(k=(0.5, 2.0))).live()
+    refused("no box", mb.live, replace(scene, box=None))
+    refused("'z'", mb.live, scene, limits={"z": (0, 1)})
+    refused("html", mb.live, scene, "page.png")
+    refused("no scene and no polynomials", mb.propagate(growth(), mb.Vertex(), mb.Box(k=(0.5, 2.0))).live)
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    with pytest.raises(NoCompilerError, match=r"A live page needs the package ziglang. Run `pip install"):
-        mb.live(scene)
+    refused(r"A live page needs the package ziglang. Run `pip install", mb.live, scene, error=NoCompilerError)

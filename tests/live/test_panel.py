@@ -1,20 +1,21 @@
-"""The panel of live pages, with a worker of known answers, and a page with all its parts after many moves."""
+"""Live pages: their panel with a worker of known answers, all parts after many moves, and keys and fingers alone."""
 
-import contextlib
 import importlib
 import importlib.util
-import io
 import json
+import runpy
 import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 from browser import NEEDED, Browser
+from faults import refused
 
 import symmb as mb
 from symmb.show.drawing import Page
 
+COMPILED = pytest.mark.skipif(importlib.util.find_spec("ziglang") is None, reason="needs ziglang")
 pytestmark = [NEEDED, pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")]
 RIGHT_TO_LEFT = "\u05d0\u05d5\u05e8\u05da"
 HOSTILE = "\"'</script><img src=x onerror=document.title='HIT'>&lt;" + 10_000 * "W"
@@ -61,8 +62,7 @@ def browser():
 def falling(*names: str) -> mb.Scene:
     p = mb.Parameters(g=9.0, m=2.0)
     ball = mb.Body("ball", mass=p.m, pose=mb.Particle())
-    system = mb.System(ball, mb.Gravity(0, -p.g), parameters=p)
-    outputs = dict(zip(names, (ball.y, ball.vy), strict=True))
+    outputs, system = dict(zip(names, (ball.y, ball.vy), strict=True)), mb.System(ball, mb.Gravity(0, -p.g))
     return mb.Scene(system, times=np.linspace(0.0, 1.0, 11), outputs=outputs, box=mb.Box(g=(8.5, 9.5)), name="fall")
 
 
@@ -76,9 +76,9 @@ def _faked(browser: Browser, folder: Path, monkeypatch: pytest.MonkeyPatch, *nam
     monkeypatch.setattr(importlib.import_module("symmb.show.live.live"), "module", lambda *_: b"")
     path = folder / "page.html"
     mb.live(falling(*names), path, {names[0]: (None, 1.0)})
-    text = path.read_text(encoding="utf-8")
-    before, _, after = text.partition('<script type="text/plain" id="worker">\n')
-    text = f'{before}<script type="text/plain" id="worker">\n{FAKE}</script>{after.partition("</script>")[2]}'
+    begin, text = '<script type="text/plain" id="worker">\n', path.read_text(encoding="utf-8")
+    before, _, after = text.partition(begin)
+    text = f"{before}{begin}{FAKE}</script>{after.partition('</script>')[2]}"
     if hostile:
         text = text.replace('{"name":"g",', f'{{"name":{json.dumps(hostile)},'.replace("<", "\\u003c"))
     path.write_text(text, encoding="utf-8")
@@ -88,8 +88,18 @@ def _faked(browser: Browser, folder: Path, monkeypatch: pytest.MonkeyPatch, *nam
     return browser
 
 
-def _limit(browser: Browser) -> str:
-    return browser.run("$('limits').children[0].children[1].textContent").replace("\N{NO-BREAK SPACE}", " ")
+def _limit(browser: Browser, part: int = 1) -> str:
+    return browser.run(f"$('limits').children[0].children[{part}].textContent").replace("\N{NO-BREAK SPACE}", " ")
+
+
+def _end(browser: Browser, side: str) -> float:
+    """The last value of y."""
+    return browser.run(f"live.result('y').{side}[10]")
+
+
+def _moves(browser: Browser, change: str) -> None:
+    """A change, and the time until the address has the state."""
+    browser.run(f"live.set({change}); new Promise(go => setTimeout(go, 400))")
 
 
 def test_a_move_gives_a_new_run_bounds_and_words(page):
@@ -104,57 +114,51 @@ def test_a_move_gives_a_new_run_bounds_and_words(page):
     assert page.run("numbers[page.bounds.upper[0] + 10 * 2]") == pytest.approx(0.93)  # of the viewer
     assert [page.run(f"numbers[page.runs[{k}].values[0] + 10 * 2]") for k in range(2)] == pytest.approx([0.92, 0.93])
     page.run("live.set({g: {tolerance: 0.7995}})")
-    assert _limit(page) == (
-        "undecided: margin 5.00e-5 m at 1 s, error up to 0.001 m. The polynomials are too "
-        "inaccurate here, as near jumps. bounds.check in Python can decide."
-    )
+    told = "undecided: margin 5.00e-5 m at 1 s, error up to 0.001 m. The polynomials are too inaccurate here, as near"
+    assert _limit(page) == f"{told} jumps. bounds.check in Python can decide."
     page.run("live.set({g: {tolerance: 0.9}})")
     assert _limit(page) == "violated: exceeded by 0.01 m at 1 s"
     page.run("new Promise(go => { const look = () => $('factor').textContent ? go() : setTimeout(look, 20); look(); })")
-    assert (
-        page.run("$('factor').textContent")
-        == "With all tolerances 0.889 times as large, the output just reaches the limit."
-    )
+    factor = page.run("$('factor').textContent")
+    assert factor == "With all tolerances 0.889 times as large, the output just reaches the limit."
     assert page.run("runs.length") == 2 and page.errors == []
     page.run("live.set({g: {value: 1234.567, tolerance: 0.001}})")
-    words = page.run("$('limits').children[0].children[2].textContent").replace("\N{NO-BREAK SPACE}", " ")
-    assert words == "worst case: \u2068g\u2069 = 1234.568"  # not rounded to a value outside of the tolerance
+    assert _limit(page, 2) == "worst case: \u2068g\u2069 = 1234.568"  # not rounded to a value beyond the tolerance
 
 
 def test_sliders_fields_and_resets(page):
     page.run(f"{SLIDER}.value = 5.0012; {SLIDER}.oninput(); live.set({{}})")
-    assert page.run("live.result('y').nominal[10]") == pytest.approx(0.5)  # in steps
+    assert _end(page, "nominal") == pytest.approx(0.5)  # in steps
     assert page.run(f"{FIELD}.value") == "5"
     for text, value in {"7.25": 0.725, "": 0.725}.items():
         page.run(f"{FIELD}.value = '{text}'; {FIELD}.onchange(); live.set({{}})")
-        assert page.run("live.result('y').nominal[10]") == pytest.approx(value)
+        assert _end(page, "nominal") == pytest.approx(value)
     page.run(f"{HOLD}.click(); live.set({{}})")
-    assert page.run("live.result('y').upper[10]") == pytest.approx(0.725)  # a parameter that is held is not varied
+    assert _end(page, "upper") == pytest.approx(0.725)  # a parameter that is held is not varied
     assert page.run("$('state').textContent").endswith(". Held at the value, without tolerance: \u2068g\u2069.")
     assert page.run(f"{HOLD}.parentElement.textContent") == "hold at this value"
     page.run("$('reset').click(); live.set({})")
-    assert page.run("live.result('y').upper[10]") == pytest.approx(0.95)
+    assert _end(page, "upper") == pytest.approx(0.95)
     lines = page.run("live.csv()").splitlines()
     assert len(lines) == 12 and lines[0].startswith('"time [s]","y [m]","y [m] lower"') and page.errors == []
 
 
-TOLERANCE = (
-    "[...document.querySelectorAll('.tolerance')].map(row => [row.querySelector('input[type=number]').valueAsNumber"
-)
-TOLERANCE += ", row.querySelector('small').textContent, row.querySelector('select').value])[0]"
+TOLERANCE = """(row => [row.querySelector('input[type=number]').valueAsNumber, row.querySelector('small').textContent,
+  row.querySelector('select').value])(document.querySelector('.tolerance'))"""
 """Number, remark and kind of the first tolerance."""
+KIND = "(kind => {{ kind.value = '{}'; kind.onchange(); }})(document.querySelector('.tolerance select'))"
 
 
 def test_a_tolerance_keeps_its_kind(page):
     """In percent it follows the value, and the page states the other kind."""
     page.run("live.set({g: {value: 10}})")
     assert page.run(TOLERANCE) == [0.5, "= 5\N{NO-BREAK SPACE}%", ""]
-    page.run("(kind => { kind.value = '%'; kind.onchange(); })(document.querySelector('.tolerance select'))")
+    page.run(KIND.format("%"))
     for value in (10, 5, -8, 0, 4):
         page.run(f"live.set({{g: {{value: {value}}}}})")
-        assert page.run("live.result('y').upper[10]") == pytest.approx(value / 10 + abs(value) / 200)
+        assert _end(page, "upper") == pytest.approx(value / 10 + abs(value) / 200)
         assert page.run(TOLERANCE) == [5, f"= {abs(value) / 20:g}", "%"]
-    page.run("(kind => { kind.value = ''; kind.onchange(); })(document.querySelector('.tolerance select'))")
+    page.run(KIND.format(""))
     page.run("live.set({g: {value: 2}})")
     assert page.run(TOLERANCE) == [0.2, "= 10\N{NO-BREAK SPACE}%", ""]
     page.run("$('reset').click()")
@@ -166,57 +170,48 @@ def test_a_click_on_a_limit_shows_its_worst_case(page):
     page.run("symmb.play(true); $('curves').style.height = '140px'; $('curves').scrollTop = 400")
     assert page.run("$('curves').scrollTop") > 50
     page.run("$('limits').children[0].click()")
-    assert page.run("[picture, playing, $('curves').scrollTop < 20, page.mark]") == [
-        10,
-        False,
-        True,
-        {"output": 0, "time": 1.0},
-    ]
-    assert page.run("[...document.querySelectorAll('#curves [aria-current=true] p')].map(p => p.firstChild.data)") == [
-        "y [m]"
-    ]
+    assert page.run("[picture, playing, $('curves').scrollTop < 20]") == [10, False, True]
+    assert page.run("page.mark") == {"output": 0, "time": 1.0}
+    current = "[...document.querySelectorAll('#curves [aria-current=true] p')].map(p => p.firstChild.data)"
+    assert page.run(current) == ["y [m]"]
     page.run("symmb.seek(3); live.set({g: {value: 9}})")
     assert page.run("picture") == 3  # only a click moves the time
 
 
 @pytest.mark.parametrize("held", [False, True])
-def test_copied_python_gives_the_study_of_the_page(page, held):
+def test_copied_python_gives_the_study_of_the_page(page, held, capsys):
     page.run(f"live.set({{g: {{value: 10, percent: 4}}, m: {{value: 3, tolerance: 0.5, held: {str(held).lower()}}}}})")
     page.run("$('copy').click()")
     code = page.run("$('copied').textContent")
     assert "held" not in code and code.splitlines()[1] == '# scene: the scene "fall" of this page'
     names = {"scene": falling("y", "v")}
-    with contextlib.redirect_stdout(io.StringIO()) as printed:
-        exec(code, names)
+    exec(code, names)
     assert names["bounds"].box.intervals == {"g": (9.6, 10.4)} | ({} if held else {"m": (2.5, 3.5)})
-    nominal = names["bounds"].nominal_parameters
-    assert dict(nominal) == {"g": 10.0, "m": 3.0}
-    assert "y <= 1 m  satisfied" in printed.getvalue()  # the ball of the scene falls; that of the worker rises
+    assert dict(names["bounds"].nominal_parameters) == {"g": 10.0, "m": 3.0}
+    assert "y <= 1 m  satisfied" in capsys.readouterr().out  # the ball of the scene falls; that of the worker rises
 
 
 def test_the_last_move_wins(page):
     moves = ";".join(f"live.set({{g: {{value: {value}}}}})" for value in (5, 6, 7, 8))  # the last one answers first
     page.run(f"{moves}; new Promise(go => setTimeout(go, 100))")
-    assert page.run("live.result('y').nominal[10]") == pytest.approx(0.8)
+    assert _end(page, "nominal") == pytest.approx(0.8)
     assert page.run("numbers[page.runs[0].values[0] + 20]") == pytest.approx(0.8)
 
 
 def test_the_address_keeps_the_state(page):
-    page.run("live.set({g: {value: 9.25}, m: {value: 3, percent: 5, held: true}})")
-    page.run("new Promise(go => setTimeout(go, 400))")
+    _moves(page, "{g: {value: 9.25}, m: {value: 3, percent: 5, held: true}}")
     assert page.run("location.hash") == "#p0=9.25,0.5&p1=3,5%,held"
     path = Path(page.run("decodeURI(location.pathname)"))
     page.open(path, "p0=9.25,0.5&p1=3,5%,held")
     page.run("live.ready")
-    assert page.run("live.result('y').upper[10]") == pytest.approx(0.975)
+    assert _end(page, "upper") == pytest.approx(0.975)
     held = page.run("[...document.querySelectorAll('#parameters input[type=checkbox]')].map(box => box.checked)")
     assert held == [False, True]
-    page.run("live.set({m: {held: false}})")
-    page.run("new Promise(go => setTimeout(go, 400))")
+    _moves(page, "{m: {held: false}}")
     assert page.run("location.hash") == "#p0=9.25,0.5&p1=3,5%"
     page.open(path, "p0=nonsense,-1&p1=&p9=3&focus=99")  # of another page
     page.run("live.ready")
-    assert page.run("live.result('y').nominal[10]") == pytest.approx(0.9) and page.errors == []
+    assert _end(page, "nominal") == pytest.approx(0.9) and page.errors == []
 
 
 def test_state_in_the_address_does_not_stop_the_animation(page):
@@ -232,9 +227,8 @@ def test_pages_work_in_frames_of_notebooks(page, tmp_path):
     text = Path(page.run("decodeURI(location.pathname)")).read_text(encoding="utf-8")
     told = "live.set({g: {value: 9.2}}).then(() => parent.postMessage(live.result('y').nominal[10], '*'))"
     frame = Page("fall", text.replace("</body>", f"<script>{told}</script></body>"))._repr_html_()
-    (tmp_path / "book.html").write_text(
-        f"<!DOCTYPE html><script>window.said = new Promise(go => onmessage = e => go(e.data))</script>{frame}"
-    )
+    said = "<script>window.said = new Promise(go => onmessage = e => go(e.data))</script>"
+    (tmp_path / "book.html").write_text(f"<!DOCTYPE html>{said}{frame}")
     page.open(tmp_path / "book.html")
     assert page.run("said") == pytest.approx(0.92) and page.errors == []
 
@@ -251,10 +245,10 @@ def test_a_failed_run_is_stated_and_not_hidden_behind_an_older_one(page):
 
 def test_changes_by_scripts_are_checked_before_they_are_made(page):
     for change in ("{g: {value: 5}, x: {value: 1}}", "{g: {value: NaN}}", "{g: {tolerance: -1}}"):
-        with pytest.raises(RuntimeError, match=r"There is no parameter x|Parameter g needs"):
-            page.run(f"live.set({change})")
+        told = r"There is no parameter x|Parameter g needs"
+        refused(told, page.run, f"live.set({change})", error=RuntimeError)
     page.run("live.set({})")
-    assert page.run("live.result('y').upper[10]") == pytest.approx(0.95)
+    assert _end(page, "upper") == pytest.approx(0.95)
 
 
 def test_a_fault_of_an_older_study_is_not_told(page):
@@ -300,7 +294,7 @@ def test_keys_of_the_panel_do_not_move_the_time(page):
     assert page.run("[picture, playing]") == [3, False]
 
 
-@pytest.mark.skipif(importlib.util.find_spec("ziglang") is None, reason="needs ziglang")
+@COMPILED
 def test_memory_does_not_grow_with_moves(browser, tmp_path):
     path = tmp_path / "page.html"
     mb.live(importlib.import_module("models.slider_crank").scene(), path, {"theta": (None, 1.2)})
@@ -316,3 +310,114 @@ def test_memory_does_not_grow_with_moves(browser, tmp_path):
         browser.run(moves)
         memory.append(browser.memory())
     assert np.median(memory[-5:]) < np.median(memory[:5]) + 0.5 and browser.errors == []
+
+
+EXAMPLES = Path(mb.__file__).parents[1] / "examples"
+CONTROLS = "[...document.querySelectorAll('button, input, select')].filter(e => e.checkVisibility() && !e.disabled)"
+FOCUSED = f"""(e => ({{ at: {CONTROLS}.indexOf(e), outline: getComputedStyle(e).outlineStyle,
+  seen: (({{ left, right, top, bottom }}) => left >= 0 && right <= innerWidth && top >= 0 && bottom <= innerHeight
+    && e.contains(document.elementFromPoint((left + right) / 2, (top + bottom) / 2)))(e.getBoundingClientRect())
+}}))(document.activeElement)"""
+SLIDERS = "[...document.querySelectorAll('#panel input[type=range]')]"
+RANGE = f"(s => [s.min, s.value, s.max].map(Number))({SLIDERS}[{{}}])"
+THUMB = """(async s => { s.scrollIntoView({ block: 'center' });
+  for (let k = 0; k < 2; k++) await new Promise(requestAnimationFrame);  // until the browser knows where the parts are
+  const { left, top, width, height } = s.getBoundingClientRect();
+  return [left + 8 + (s.value - s.min) / (s.max - s.min) * (width - 16), top + height / 2]; })"""
+
+
+def slider_crank(path: Path) -> None:
+    scene = importlib.import_module("models.slider_crank").scene()
+    mb.live(scene, path, {"x_slider": (None, 3.05), "theta": (-9.0, None)})
+
+
+def half_car(path: Path) -> None:
+    mb.live(importlib.import_module("models.half_car").scene(), path)
+
+
+def door_latch(path: Path) -> None:
+    own = runpy.run_path(str(EXAMPLES / "door_latch.py"))
+    mb.live(own["scene"].with_outputs({"angle": own["hinge"].angle}), path, {"angle": (None, 1.7)})
+
+
+def function(path: Path) -> None:
+    times = np.linspace(0.0, 2.0, 41)
+    p = mb.Parameters(k=(1.0, "1/s"), x=(2.0, "m"))
+    decay = mb.FunctionSimulator(lambda k, x: x * np.exp(-k * times), p, times, ["x"])
+    bounds = mb.propagate(decay, mb.PolynomialChaos(order=4), mb.Box.plus_minus(decay.parameters, k="50%", x=0.5))
+    bounds.live(path, {"x": (0.05, None)})
+
+
+@pytest.fixture(scope="module", params=[slider_crank, half_car, door_latch, function], ids=lambda make: make.__name__)
+def path(request, tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("pages") / f"{request.param.__name__}.html"
+    request.param(path)
+    return path
+
+
+def opened(browser: Browser, path: Path, width: int) -> None:
+    browser.resize(width, 800)
+    browser.open(path)
+    browser.run("symmb.play(false)")
+    settle(browser)
+
+
+def settle(browser: Browser) -> None:
+    """Wait for the last texts of a study, which move the controls below them."""
+    browser.run("live.set({})")
+    while browser.run("[...document.querySelectorAll('.bar small')].some(e => e.textContent === '…')"):
+        time.sleep(0.01)
+
+
+@COMPILED
+@pytest.mark.parametrize("width", [1200, 390])
+def test_keys_reach_and_move_all_controls(browser, path, width):
+    opened(browser, path, width)
+    count, reached = browser.run(f"{CONTROLS}.length"), []
+    for _ in range(count + 3):  # the list of curves scrolls by keys too
+        browser.press("Tab")
+        focused = browser.run(FOCUSED)
+        if focused["at"] < 0 or focused["at"] in reached:
+            continue
+        reached.append(focused["at"])
+        assert focused["outline"] != "none" and focused["seen"], focused
+    assert reached == list(range(count))
+    browser.run("symmb.seek(2)")
+    for i in range(browser.run(f"{SLIDERS}.length")):
+        low, before, high = browser.run(RANGE.format(i))
+        browser.run(f"{SLIDERS}[{i}].focus()")
+        browser.press("ArrowRight" if before < high else "ArrowLeft")
+        after = browser.run(f"{SLIDERS}[{i}].valueAsNumber")
+        assert 0 < (after - before) * (1 if before < high else -1) < 0.1 * (high - low)
+    assert browser.run("picture") == 2  # keys of sliders do not move the time
+    browser.run("document.activeElement.blur()")
+    browser.press("ArrowRight")
+    assert browser.run("live.set({}).then(() => picture)") == 3 and not browser.errors
+
+
+@COMPILED
+@pytest.mark.parametrize("width", [1200, 390])
+def test_fingers_move_sliders_curves_and_the_drawing(browser, path, width):
+    opened(browser, path, width)
+    for i in range(browser.run(f"{SLIDERS}.length")):
+        settle(browser)
+        x, y = browser.run(f"{THUMB}({SLIDERS}[{i}])")
+        low, before, high = browser.run(RANGE.format(i))
+        to = 25 if before < high else -25
+        browser.touch([(x, y)], [(x + to / 2, y)], [(x + to, y)])
+        length = browser.run(f"{SLIDERS}[{i}].offsetWidth - 16")
+        after = browser.run(f"{SLIDERS}[{i}].valueAsNumber")
+        assert after - before == pytest.approx(to / length * (high - low), abs=0.05 * (high - low))
+    place = "(({{ x, y, width, height }}) => [x, y, width, height])({}.getBoundingClientRect())"
+    x, y, width, _ = browser.run(place.format("curves[0].c"))
+    y += 50
+    browser.touch([(x + 5, y)], [(x + 0.3 * width, y)], [(x + 0.6 * width, y)])
+    assert browser.run("picture / (first.t[1] - 1)") == pytest.approx(0.6, abs=0.05)
+    x, y, width, height = browser.run(place.format("canvas"))
+    assert (width > 0) == (path.stem != "function")  # a function has no drawing
+    if width:
+        place, (x, y) = "symmb.project([0, 0, 0])", (x + width / 2, y + height / 2)
+        before = np.array(browser.run(place))
+        browser.touch([(x, y)], [(x + 30, y)], [(x + 30, y - 20)])
+        assert np.allclose(np.array(browser.run(place)) - before, [30, -20])
+    assert browser.run("live.set({}).then(() => document.scrollingElement.scrollTop)") == 0 and not browser.errors

@@ -1,4 +1,4 @@
-"""Actuators and stops: generalised forces against virtual power, motions against closed forms."""
+"""Actuators, motors and stops: generalised forces against virtual power, motions against closed forms."""
 
 import pickle
 
@@ -6,13 +6,16 @@ import casadi as ca
 import numpy as np
 import pytest
 import sympy
+from faults import refused
 from joints import SKEW, bundle, make_body, random_state
+from machines import cart, pendulum, run_of, wheel
 from numpy.testing import assert_allclose
+from scipy.linalg import expm
 
 import symmb as mb
 
 GROUND = mb.Ground()
-TIMES = np.linspace(0.0, 2.0, 21)
+TIMES, SECOND = np.linspace(0.0, 2.0, 21), np.linspace(0.0, 1.0, 11)
 SPATIAL_AXES = {"axis": SKEW, "axis_b": (0.4, -0.2, 0.6)}
 ALL = [
     (mb.Revolute, "angle", {}),
@@ -54,10 +57,8 @@ def test_the_force_of_an_actuator_has_the_power_of_the_handle_s_rate(joint, hand
 def test_a_motor_with_a_linear_law_swings_like_an_oscillator(pose):
     """J a'' = -k a - c a' + 0.5: a step response."""
     J, k, c = 0.5, 8.0, 0.4
-    body = mb.Body("body", 1.0, J if isinstance(pose, mb.Planar) else (J, J, J), pose)
-    hinge = mb.Revolute("hinge", GROUND.point(0, 0), body.point(0, 0))
-    motor = mb.Actuator("motor", hinge, 0.5 - k * hinge.angle - c * hinge.angle_rate)
-    run = mb.simulate(mb.Scene(mb.System(body, hinge, motor), times=TIMES, outputs={"a": hinge.angle}))
+    motor = lambda m: mb.Actuator("motor", m.hinge, 0.5 - k * m.hinge.angle - c * m.hinge.angle_rate)  # noqa: E731
+    run = pendulum(motor, length=0.0, inertia=J, g=None, pose=pose).run(lambda m: {"a": m.hinge.angle}, TIMES)
     d = c / (2 * J)
     w = np.sqrt(k / J - d**2)
     expected = 0.5 / k * (1 - np.exp(-d * TIMES) * (np.cos(w * TIMES) + d / w * np.sin(w * TIMES)))
@@ -68,9 +69,8 @@ def test_a_motor_with_a_linear_law_swings_like_an_oscillator(pose):
 def test_a_cylinder_pushes_two_bodies_apart_and_keeps_their_momentum():
     a, b = mb.Body("a", 2.0, (1, 1, 1), mb.Spatial()), mb.Body("b", 3.0, (1, 1, 1), mb.Spatial())
     slide = mb.Prismatic("slide", a.point(0, 0, 0), b.point(0, 0, 0), axis=(1, 1, 0))
-    system = mb.System(a, b, slide, mb.Actuator("ram", slide, 6 * mb.t))
     outputs = {"d": slide.displacement, "rate": slide.displacement_rate, "px": 2 * a.vx + 3 * b.vx}
-    run = mb.simulate(mb.Scene(system, times=TIMES, outputs=outputs))
+    run = run_of(a, b, slide, mb.Actuator("ram", slide, 6 * mb.t), times=TIMES, outputs=outputs)
     assert_allclose(run["d"], (1 / 2 + 1 / 3) * TIMES**3, atol=1e-9)
     assert_allclose(run["rate"], 3 * (1 / 2 + 1 / 3) * TIMES**2, atol=1e-9)
     assert_allclose(run["px"], 0, atol=1e-10)
@@ -83,9 +83,8 @@ def test_laws_take_sympy_and_multipliers_are_refused():
     theta, time = sympy.symbols("rod.theta t")
     system = mb.System(rod, hinge, mb.Actuator("motor", hinge, sympy.cos(time) - theta))
     assert_allclose(np.asarray(ca.Function("Q", [system.q, mb.t], [system.Q[2]])([0, 0, 0.2], 0.0)), 0.8)
-    other = mb.System(rod, hinge)
-    with pytest.raises(mb.DeclarationError, match=r"Actuator 'motor': law: 'hinge.lam\[0\]' is a reaction"):
-        mb.System(rod, hinge, mb.Actuator("motor", hinge, other.lam("hinge")[0]))
+    motor = mb.Actuator("motor", hinge, mb.System(rod, hinge).lam("hinge")[0])
+    refused(r"Actuator 'motor': law: 'hinge.lam\[0\]' is a reaction", mb.System, rod, hinge, motor)
 
 
 @pytest.mark.parametrize("slides", [False, True])
@@ -103,8 +102,8 @@ def test_a_stop_with_a_restitution_sends_the_joint_back_and_forth(slides, spatia
         start = {f"body.v{c}": x for c, x in zip("xyz"[: 3 if spatial else 2], unit, strict=False)}
     else:
         start = {"body.omega": tuple(unit) if spatial else 2.0}
-    system = mb.System(body, joint, mb.Stop("limit", joint, -0.5, 1.0, restitution=0.5))
-    run = mb.simulate(mb.Scene(system, start, np.linspace(0, 4, 41), {"value": value}))
+    stop = mb.Stop("limit", joint, -0.5, 1.0, restitution=0.5)
+    run = run_of(body, joint, stop, start=start, times=np.linspace(0, 4, 41), outputs={"value": value})
     times = np.array([0.0, 0.5, 2.0, 5.0])  # 1 at 2/s, then 1.5 at 1/s, then 1.5 at 0.5/s
     assert_allclose(run["value"], np.interp(run.t, times, [0.0, 1.0, -0.5, 1.0]), atol=1e-8)
     assert [event.name for event in run.events] == ["limit.upper", "limit.lower"]
@@ -112,10 +111,9 @@ def test_a_stop_with_a_restitution_sends_the_joint_back_and_forth(slides, spatia
 
 
 def test_a_stop_beyond_half_a_turn_counts_turns():
-    body = mb.Body("body", 1.0, (1, 1, 1), mb.Spatial())
-    hinge = mb.Revolute("hinge", GROUND.point(0, 0), body.point(0, 0))
-    system = mb.System(body, hinge, mb.Stop("limit", hinge, None, 9.0, restitution=1.0))
-    run = mb.simulate(mb.Scene(system, {"body.omega": (0, 0, 6.0)}, TIMES, {"a": hinge.angle}))
+    stop = lambda m: mb.Stop("limit", m.hinge, None, 9.0, restitution=1.0)  # noqa: E731
+    machine = pendulum(stop, length=0.0, inertia=1.0, g=None, pose=mb.Spatial())
+    run = machine.run(lambda m: {"a": m.hinge.angle}, TIMES, {"rod.omega": (0, 0, 6.0)})
     assert_allclose(run["a"], 9.0 - np.abs(9.0 - 6 * TIMES), atol=1e-8)
 
 
@@ -139,13 +137,10 @@ def test_a_controller_follows_an_angle_over_many_turns(coordinates):
 @pytest.mark.parametrize("slides", [False, True])
 def test_a_stop_with_an_elastic_law_holds_for_half_a_period(slides):
     """m = 1 meets k = 400 at 0.5 with speed 2: v / w sin(w t) inside, and the speed back after pi / w."""
-    body = mb.Body("body", 1.0, 1.0)
-    kind, axis = (mb.Prismatic, (1, 0, 0)) if slides else (mb.Revolute, (0, 0, 1))
-    joint = kind("joint", GROUND.point(0, 0), body.point(0, 0), axis=axis)
-    stop = mb.Stop("limit", joint, -0.5, 0.5, mb.KelvinVoigt(400.0))
-    key, value = ("body.vx", joint.displacement) if slides else ("body.omega", joint.angle)
-    scene = mb.Scene(mb.System(body, joint, stop), {key: 2.0}, np.linspace(0, 1, 41), {"x": value})
-    run = mb.simulate(scene, mb.DormandPrince(rtol=1e-11))
+    make, joint, handle, rate = (cart, "rail", "displacement", "vx") if slides else (wheel, "shaft", "angle", "omega")
+    machine = make(lambda m: mb.Stop("limit", getattr(m, joint), -0.5, 0.5, mb.KelvinVoigt(400.0)))
+    start, outputs = {f"{machine.body.name}.{rate}": 2.0}, {"x": getattr(getattr(machine, joint), handle)}
+    run = machine.run(outputs, np.linspace(0, 1, 41), start, solver=mb.DormandPrince(rtol=1e-11))
     w, hit = 20.0, 0.25
     out = hit + np.pi / w
     inside = 0.5 + 2 / w * np.sin(w * (run.t - hit))
@@ -159,12 +154,10 @@ def test_a_stop_with_an_elastic_law_holds_for_half_a_period(slides):
 
 def test_limits_may_move_with_time_and_do_work():
     """A wall that moves towards the body at 1 m/s, elastic: the relative speed is reversed, v = -2 - 1 - 1."""
-    body = mb.Body("body", 1.0, 1.0)
-    slide = mb.Prismatic("slide", GROUND.point(0, 0), body.point(0, 0), axis=(1, 0, 0))
     for options in ({"law": mb.KelvinVoigt(1e4)}, {"restitution": 1.0}):
-        system = mb.System(body, slide, mb.Stop("wall", slide, None, 1.0 - mb.t, **options))
-        run = mb.simulate(mb.Scene(system, {"body.vx": 2.0}, np.linspace(0, 1, 11), {"v": body.vx}))
-        assert_allclose(run["v"][-1], -4.0, atol=1e-6)
+        machine = cart(lambda m, more=options: mb.Stop("wall", m.rail, None, 1.0 - mb.t, **more))
+        run = machine.run("vx", np.linspace(0, 1, 11), {"cart.vx": 2.0})
+        assert_allclose(run["vx"][-1], -4.0, atol=1e-6)
         assert run.energy_drift < 1e-6
 
 
@@ -172,15 +165,13 @@ ROD = mb.Body("rod", 1.0, (1, 1, 1), mb.Spatial())
 PIN = mb.Revolute("pin", GROUND.point(0, 0), ROD.point(0, 0))
 TUBE = mb.Cylindrical("tube", GROUND.point(0, 0), ROD.point(0, 0))
 BALL = mb.Spherical("ball", GROUND.point(0, 0), ROD.point(0, 0))
+SLIDING = {"coordinate": "displacement"}
 LAW = mb.KelvinVoigt(1e3)
 FAULTS = [
     (lambda: mb.Actuator("m", "pin", 1.0), "Actuator 'm': expected a joint, got .pin.. Pass a joint, such as Revolute"),
     (lambda: mb.Actuator("m", BALL, 1.0), r"Spherical 'ball' has no angle and no displacement. .*three Revolute"),
     (lambda: mb.Actuator("m", TUBE, 1.0), r"'tube' turns and also slides. Pass coordinate='angle' or 'displacement'"),
-    (
-        lambda: mb.Actuator("m", PIN, 1.0, coordinate="displacement"),
-        r"no coordinate 'displacement'. Use coordinate='angle'",
-    ),
+    (lambda: mb.Actuator("m", PIN, 1.0, **SLIDING), r"no coordinate 'displacement'. Use coordinate='angle'"),
     (lambda: mb.Actuator("m", PIN, "fast"), r"Actuator 'm': law: 'fast' is not a number"),
     (lambda: mb.Actuator("m", PIN, (1, 2)), r"Actuator 'm': law"),
     (lambda: mb.Stop("s", PIN, None, None, LAW), r"Stop 's': lower and upper are both None. Pass lower, upper or both"),
@@ -198,18 +189,82 @@ FAULTS = [
 
 @pytest.mark.parametrize(("make", "text"), FAULTS)
 def test_faults_name_the_element_and_the_remedy(make, text):
-    with pytest.raises(mb.DeclarationError, match=text):
-        mb.System(ROD, PIN, TUBE, BALL, make())
+    refused(text, lambda: mb.System(ROD, PIN, TUBE, BALL, make()))
 
 
 def test_the_joint_of_an_actuator_must_be_in_the_system():
-    with pytest.raises(mb.DeclarationError, match=r"Actuator 'm': Revolute 'pin' is not part of the System. Add it"):
-        mb.System(ROD, mb.Actuator("m", PIN, 1.0))
+    told = r"Actuator 'm': Revolute 'pin' is not part of the System. Add it"
+    refused(told, mb.System, ROD, mb.Actuator("m", PIN, 1.0))
 
 
 def test_pickles_run_alike():
-    body = mb.Body("body", 1.0, 1.0)
-    hinge = mb.Revolute("hinge", GROUND.point(0, 0), body.point(0, 0))
-    elements = (hinge, mb.Actuator("motor", hinge, 1.0 - mb.t), mb.Stop("limit", hinge, None, 0.4, restitution=0.3))
-    scene = mb.Scene(mb.System(body, *elements), times=TIMES, outputs={"a": hinge.angle, "w": hinge.angle_rate})
+    motor = lambda m: mb.Actuator("motor", m.shaft, 1.0 - mb.t)  # noqa: E731
+    stop = lambda m: mb.Stop("limit", m.shaft, None, 0.4, restitution=0.3)  # noqa: E731
+    scene = wheel(motor, stop).scene(lambda m: {"a": m.shaft.angle, "w": m.shaft.angle_rate}, TIMES)
     assert np.array_equal(mb.simulate(pickle.loads(pickle.dumps(scene))).values, mb.simulate(scene).values)
+
+
+# Motors: a wheel and a current are a linear system.
+
+
+def driven(*more, voltage=12.0, R=2.0, k=0.5, L=0.0, start=None, **options):
+    """A wheel of 0.1 kg m^2 on a motor."""
+    machine = wheel(lambda m: mb.Motor("motor", m.shaft, voltage, R, k, L, **options), *more, inertia=0.1)
+    outputs = {name: getattr(machine.motor, name) for name in ("current", "power", "torque")}
+    start = {"wheel.omega": 3.0} if start is None else start
+    return machine.scene({"w": machine.shaft.angle_rate, **outputs}, SECOND, start)
+
+
+def test_a_wheel_and_a_current():
+    start = {"wheel.omega": 3.0, "motor.current": 1.0}
+    scene = driven(L=0.3, gear=3.0, friction=0.02, emf_constant=0.45, start=start)
+    run = mb.simulate(scene, mb.DormandPrince())
+    A = np.array([[-0.02 * 9 / 0.1, 3 * 0.5 / 0.1], [-0.45 * 3 / 0.3, -2.0 / 0.3]])
+    rest = -np.linalg.solve(A, [0.0, 12.0 / 0.3])
+    expected = np.array([rest + expm(A * t) @ ([3.0, 1.0] - rest) for t in SECOND])
+    assert_allclose(np.column_stack([run["w"], run["current"]]), expected, atol=1e-8)
+    assert_allclose(run["power"], 12 * expected[:, 1], atol=1e-6)
+    assert_allclose(run["torque"], 3 * (0.5 * expected[:, 1] - 0.02 * 3 * expected[:, 0]), atol=1e-6)
+    assert run.energy_drift < 1e-8
+
+
+def test_without_inductance_the_current_follows_at_once():
+    run = mb.simulate(driven(gear=2.0), mb.DormandPrince())
+    rate = (2 * 0.5) ** 2 / 2 / 0.1
+    w = 12.0 + (3.0 - 12.0) * np.exp(-rate * SECOND)  # idle speed V / (n k)
+    assert_allclose(run["w"], w, atol=1e-8)
+    assert_allclose(run["current"], (12 - w) / 2, atol=1e-8)
+    assert "motor.current" not in run.state_names[2]
+
+
+def test_a_linear_motor():
+    machine = cart(lambda m: mb.Motor("motor", m.rail, 10.0, 5.0, 4.0), mass=2.0)
+    run = machine.run("vx", SECOND, solver=mb.DormandPrince())
+    assert_allclose(run["vx"], 2.5 * (1 - np.exp(-16 / 5 / 2 * SECOND)), atol=1e-8)
+
+
+def test_a_brake_stalls_a_motor():
+    """The stalled current is V / R. The brake of 6 N m holds its torque until it is weaker than 3 N m, at 0.5 s."""
+    run = mb.simulate(driven(lambda m: mb.Clutch("brake", mb.Ground(), m.wheel, 6.0 - 6 * mb.t), start={}))
+    assert_allclose([event.time for event in run.events], 0.5, atol=1e-12)
+    assert_allclose(run["current"][run.t <= 0.5], 6.0, atol=1e-12)
+    # 0.1 w' = 3 - k^2 w / R - 6 (1 - t): w' = -1.25 w + 60 (t - 0.5)
+    u = np.maximum(run.t - 0.5, 0)
+    assert_allclose(run["w"], 60 / 1.25 * (u - (1 - np.exp(-1.25 * u)) / 1.25), atol=1e-9)
+
+
+def test_its_torque_is_a_force_and_its_voltage_the_input():
+    scene = driven()
+    run = mb.simulate(scene)
+    assert_allclose(run(scene.system.force("motor")), run["torque"], rtol=0, atol=0)
+    refused(r"the input of Motor 'motor' is its voltage\. .*u\.value", mb.linearize, scene, inputs=["motor"])
+
+
+def test_faults_of_motors_are_told():
+    for arguments, text in (
+        ({"R": 0.0}, "resistance is 0; it must be above 0"),
+        ({"L": -1.0}, "inductance is -1; it must be at least 0"),
+        ({"friction": -1.0}, "friction is -1; it must be at least 0"),
+        ({"voltage": ca.SX.sym("u")}, "voltage: symbol 'u' does not belong to a parameter"),
+    ):
+        refused(f"Motor 'motor': {text}", driven, **arguments)

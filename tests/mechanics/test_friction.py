@@ -4,6 +4,7 @@ import casadi as ca
 import numpy as np
 import problems
 import pytest
+from machines import run_of
 from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
@@ -16,18 +17,23 @@ SOLVERS = (mb.DormandPrince(), mb.CVODES(rtol=1e-10, stiff=True), mb.Rosenbrock(
 solvers = pytest.mark.parametrize("solver", SOLVERS, ids=repr)
 
 
-def rubbed(block, normal, law):
-    """Friction of a block along x."""
-    return mb.Friction("rub", GROUND.point(0, 0), block.point(0, 0), (1, 0, 0), normal, law)
+def laws(*laws):
+    return pytest.mark.parametrize("law", laws, ids=["Coulomb", "Bristle"])
 
 
-def decaying(law, times):
-    """The block of the reference, let go from x0 on a spring."""
-    p = KNOWN["parameters"]
-    block = mb.Body("block", float(p["m"]), pose=mb.Particle())
-    spring = mb.Spring("spring", GROUND.point(0, 0), block.point(0, 0), float(p["k"]))
-    system = mb.System(block, spring, rubbed(block, p["N"], law))
-    return mb.Scene(system, {"block.x": float(p["x0"]), "block.y": 0.0, "block.z": 0.0}, times)
+def rubbing(law, normal, *more, times, solver=None, mass=1.0, **start):
+    """A run of a block under friction along x and further elements, which are functions of the block."""
+    block = mb.Body("block", mass, pose=mb.Particle())
+    rub = mb.Friction("rub", GROUND.point(0, 0), block.point(0, 0), (1, 0, 0), normal, law)
+    start = {f"block.{name}": value for name, value in start.items()}
+    return run_of(block, rub, *(element(block) for element in more), start=start, times=times, solver=solver)
+
+
+def decaying(law, times, solver):
+    """The run of the block of the reference, let go from x0 on a spring."""
+    N, m, k, x0 = (float(KNOWN["parameters"][name]) for name in ("N", "m", "k", "x0"))
+    spring = lambda block: mb.Spring("spring", GROUND.point(0, 0), block.point(0, 0), k)  # noqa: E731
+    return rubbing(law, N, spring, times=times, solver=solver, mass=m, x=x0, y=0.0, z=0.0)
 
 
 @solvers
@@ -46,7 +52,7 @@ def test_decay_by_friction(law, swing, end, solver):
     times, values = np.array(KNOWN["reversals"]).T
     every = np.concatenate([np.linspace(0, 2, 201), times, [10.0]])
     order = np.argsort(every)
-    run = mb.simulate(decaying(law, every[order]), solver)
+    run = decaying(law, every[order], solver)
     x = np.empty(len(every))
     x[order] = run["block.x"]
     assert_allclose(x[201:203], values, atol=swing)
@@ -59,35 +65,27 @@ def test_decay_by_friction(law, swing, end, solver):
 @pytest.mark.parametrize(("normal", "is_told"), [(lambda t: 3 - 4 * t, True), (lambda t: 3 - 2 * t, False)])
 def test_a_normal_force_below_0_is_doubted(normal, is_told):
     for law in (mb.Coulomb(0.2, 0.1), mb.Bristle(0.2, 1e3)):
-        block = mb.Body("block", 1.0, pose=mb.Particle())
         for force, told in ((normal(mb.t), is_told), (ca.fmax(normal(mb.t), 0), False)):
-            scene = mb.Scene(mb.System(block, rubbed(block, force, law)), {"block.vx": 3.0}, np.linspace(0, 1, 11))
-            doubts = mb.simulate(scene, mb.DormandPrince()).doubts
+            doubts = rubbing(law, force, vx=3.0, times=np.linspace(0, 1, 11), solver=mb.DormandPrince()).doubts
             assert [d for d in doubts if "normal force is negative at t = 0.75" in d] == [*doubts][: int(told)]
 
 
 def test_a_smaller_transition_comes_closer_to_coulomb_s_law():
     times = [time for time, _ in KNOWN["reversals"]]
-    creep = []
-    for speed in (1e-2, 1e-3):
-        run = mb.simulate(decaying(mb.Coulomb(0.25, speed), [0.0, *times, 10.0]), SOLVERS[0])
-        creep.append(abs(run["block.x"][-1] - KNOWN["final_x"]))
+    runs = (decaying(mb.Coulomb(0.25, speed), [0.0, *times, 10.0], SOLVERS[0]) for speed in (1e-2, 1e-3))
+    creep = [abs(run["block.x"][-1] - KNOWN["final_x"]) for run in runs]
     assert creep[1] < 0.15 * creep[0]
 
 
 def test_bristles_hold_a_block_that_is_shaken():
     """Half of what would break it away, at 5 Hz: nothing moves on, while the smooth law creeps."""
-    last = {}
-    for law in (mb.Bristle(0.3, 1e4, damping=60.0, static=0.4), mb.Coulomb(0.3, 1e-3, static=0.4)):
-        block = mb.Body("block", 1.0, pose=mb.Particle())
-        push = mb.Force("push", block.point(0, 0), (1.5 + 0.5 * ca.sin(10 * np.pi * mb.t), 0))
-        system = mb.System(block, rubbed(block, 10.0, law), push)
-        run = mb.simulate(mb.Scene(system, times=[0.0, 1.0, 2.0, 20.0]), mb.Rosenbrock(rtol=1e-9))
-        last[type(law)] = run["block.x"]
-    held = last[mb.Bristle]
+    push = lambda block: mb.Force("push", block.point(0, 0), (1.5 + 0.5 * ca.sin(10 * np.pi * mb.t), 0))  # noqa: E731
+    scene = {"times": [0.0, 1.0, 2.0, 20.0], "solver": mb.Rosenbrock(rtol=1e-9)}
+    bristles, smooth = mb.Bristle(0.3, 1e4, damping=60.0, static=0.4), mb.Coulomb(0.3, 1e-3, static=0.4)
+    held, crept = (rubbing(law, 10.0, push, **scene)["block.x"] for law in (bristles, smooth))
     assert 0.5e-5 < held[1] < 3e-5  # N k z = 1.5 ... 2
     assert_allclose(held[1:], held[1], atol=1e-9)
-    assert last[mb.Coulomb][-1] > 1e-3
+    assert crept[-1] > 1e-3
 
 
 @solvers
@@ -143,9 +141,7 @@ def test_a_smooth_law_is_that_of_brown_and_mcphee(static):
     assert not states
 
 
-@pytest.mark.parametrize(
-    "law", [mb.Coulomb(0.3, 0.02, 0.5), mb.Bristle(0.3, 1e4, 10.0, 0.5)], ids=["Coulomb", "Bristle"]
-)
+@laws(mb.Coulomb(0.3, 0.02, 0.5), mb.Bristle(0.3, 1e4, 10.0, 0.5))
 @pytest.mark.parametrize("n", [1, 2])
 def test_derivatives_are_finite_at_rest(law, n):
     slip = ca.SX.sym("slip", n)
@@ -163,16 +159,14 @@ def sliding(law, pose, inertia, times, **start):
     """A ball of radius 0.1 m on a table, pressed by its weight, where its contact is in balance."""
     ball = mb.Body("ball", 2.0, inertia, pose)
     planar = isinstance(pose, mb.Planar)
-    up = (0, 1, 0) if planar else (0, 0, 1)
-    k, g = 1e6, 10.0
+    up, k, g = (0, 1, 0) if planar else (0, 0, 1), 1e6, 10.0
     contact = mb.Contact("floor", ball.point(0, 0), GROUND.point(0, 0), up, mb.KelvinVoigt(k, 500.0), 0.1, law)
-    weight = mb.Gravity(*(-g * c for c in up))
-    height = 0.1 - 2.0 * g / k
-    start = {"ball.y" if planar else "ball.z": height, **{f"ball.{name}": value for name, value in start.items()}}
-    return mb.Scene(mb.System(ball, contact, weight), start, times)
+    start = {"y" if planar else "z": 0.1 - 2.0 * g / k, **start}
+    start = {f"ball.{name}": value for name, value in start.items()}
+    return mb.Scene(mb.System(ball, contact, mb.Gravity(*(-g * c for c in up))), start, times)
 
 
-@pytest.mark.parametrize("law", [mb.Coulomb(0.2, 1e-3), mb.Bristle(0.2, 1e4, damping=30.0)], ids=["Coulomb", "Bristle"])
+@laws(mb.Coulomb(0.2, 1e-3), mb.Bristle(0.2, 1e4, damping=30.0))
 @pytest.mark.parametrize("pose", [mb.Planar(), mb.Spatial()], ids=repr)
 def test_a_sliding_ball_starts_to_roll(pose, law):
     """v = v0 - mu g t until it rolls with 5 / 7 of its speed, for a moment of inertia of 2 / 5 m r^2."""
@@ -186,11 +180,10 @@ def test_a_sliding_ball_starts_to_roll(pose, law):
     assert run.energy_drift < 1e-6
 
 
-@pytest.mark.parametrize("law", [mb.Coulomb(0.2, 1e-3), mb.Bristle(0.2, 1e4, damping=30.0)], ids=["Coulomb", "Bristle"])
+@laws(mb.Coulomb(0.2, 1e-3), mb.Bristle(0.2, 1e4, damping=30.0))
 def test_a_block_slides_straight_on_and_stops(law):
     """In any direction on a table: v^2 / (2 mu g) far."""
-    start = {"vx": 0.6, "vy": -0.8}
-    run = mb.simulate(sliding(law, mb.Particle(), 0.0, [0.0, 0.25, 0.5, 1.0], **start), SOLVERS[2])
+    run = mb.simulate(sliding(law, mb.Particle(), 0.0, [0.0, 0.25, 0.5, 1.0], vx=0.6, vy=-0.8), SOLVERS[2])
     far = np.array([0.6, -0.8]) * 1.0 / (2 * 0.2 * 10)
     assert_allclose([run["ball.x"][-1], run["ball.y"][-1]], far, atol=5e-4)
     assert_allclose([run["ball.vx"][1], run["ball.vy"][1]], [0.3, -0.4], atol=1e-3)
@@ -200,11 +193,9 @@ def test_a_block_slides_straight_on_and_stops(law):
 def test_bristles_follow_their_published_equation():
     """Slip to and fro by a drive, against the scalar elasto-plastic model written by hand."""
     mu, k, c = 0.3, 1e3, 30.0
-    block = mb.Body("block", 1.0, pose=mb.Particle())
-    law = mb.Bristle(mu, k, c)
-    system = mb.System(block, mb.Motion("drive", block.x, 1e-3 * ca.sin(20 * mb.t)), rubbed(block, 5.0, law))
+    drive = lambda block: mb.Motion("drive", block.x, 1e-3 * ca.sin(20 * mb.t))  # noqa: E731
     times = np.linspace(0, 1, 101)
-    run = mb.simulate(mb.Scene(system, times=times), mb.DormandPrince(rtol=1e-9))
+    run = rubbing(mb.Bristle(mu, k, c), 5.0, drive, times=times, solver=mb.DormandPrince(rtol=1e-9))
 
     def rate(t, z):
         v, share = 0.02 * np.cos(20 * t), np.abs(z) * k / mu

@@ -4,23 +4,30 @@ import casadi as ca
 import numpy as np
 import pytest
 from faults import refused
+from machines import ORIGIN, ball, run_of
 from mechanisms import exact
 from numpy.testing import assert_allclose
 
 import symmb as mb
 
-GROUND = mb.Ground()
 SOLVERS = (mb.DormandPrince(rtol=1e-9), mb.CVODES())
 solvers = pytest.mark.parametrize("solver", SOLVERS, ids=repr)
 TIMES = np.linspace(0, 0.5, 51)
 
 
-def piston(pull, times=TIMES, speed=0.0, parameters=None, x=1.0):
+def piston(pull, times=TIMES, speed=0.0, parameters=None):
     """2 kg on a line, 1 m from the wall."""
     body = mb.Body("piston", 2.0, pose=mb.Particle())
-    spring = mb.NonlinearSpring("spring", GROUND.point(0, 0), body.point(0, 0), pull)
-    start = {"piston.x": x, "piston.y": 0.0, "piston.z": 0.0, "piston.vx": speed}
+    spring = mb.NonlinearSpring("spring", ORIGIN, body.point(0, 0), pull)
+    start = {"piston.x": 1.0, "piston.y": 0.0, "piston.z": 0.0, "piston.vx": speed}
     return mb.Scene(mb.System(body, spring, parameters=parameters), start, times, {"x": body.x, "v": body.vx})
+
+
+def standing(law, g, times, **start):
+    """A run of a foot on soil."""
+    foot = mb.Body("foot", 2.0, 0.1, mb.Planar())
+    soil = mb.Soil("soil", ORIGIN, foot.point(0, 0), (0, 1, 0), law)
+    return run_of(foot, soil, mb.Gravity(0, -g), start={f"foot.{k}": v for k, v in start.items()}, times=times)
 
 
 def by_hand(pull, speed=0.0, times=TIMES):
@@ -70,11 +77,11 @@ def test_what_no_gas_and_no_opening_has_is_refused(law, told):
 
 @pytest.mark.parametrize(("damping", "length"), [(-0.7, 0.0), (0.0, -0.4), (-0.3, -1.1)])
 def test_dampers_may_drive_and_springs_may_be_closed_under_tension(damping, length):
-    bob, t = mb.Body("bob", 2.0, pose=mb.Particle()), np.linspace(0.0, 0.3, 4)
-    strut = mb.SpringDamper("strut", GROUND.point(0, 0), bob.point(0, 0), 3.0, damping, length)
-    run = mb.simulate(mb.Scene(mb.System(bob, strut), {"bob.x": 1.0, "bob.vx": 0.5}, t), mb.CVODES(rtol=1e-10))
+    machine = ball(lambda m: mb.SpringDamper("strut", ORIGIN, m.at, 3.0, damping, length), mass=2.0, g=None)
+    t, start = np.linspace(0.0, 0.3, 4), {"ball.x": 1.0, "ball.vx": 0.5}
+    run = machine.run("x", t, start, solver=mb.CVODES(rtol=1e-10))
     expected = exact(lambda t, y: [y[1], -(3 * (y[0] - length) + damping * y[1]) / 2], [1.0, 0.5], t)
-    assert_allclose(run["bob.x"], expected[:, 0], rtol=1e-8)
+    assert_allclose(run["x"], expected[:, 0], rtol=1e-8)
     assert run.doubts == ()
 
 
@@ -98,8 +105,7 @@ def test_an_orifice_brakes_by_the_square_of_the_speed(solver):
 @solvers
 def test_a_throttling_ring_closes_along_the_stroke(solver):
     """An opening read from a table of the stroke, ten times as large backwards, and a spring that drives it back."""
-    stroke, opening = [0.0, 0.05, 0.1, 0.2], [2e-4, 1.5e-4, 0.5e-4, 0.3e-4]
-    ring = mb.Table(stroke, opening)
+    ring = mb.Table([0.0, 0.05, 0.1, 0.2], [2e-4, 1.5e-4, 0.5e-4, 0.3e-4])
     brake = mb.Orifice(2e-3, lambda s, v: ca.if_else(v > 0, 1, 10) * ring(s), length=1.0)
     run = mb.simulate(piston(lambda d, v: brake(d, v) + 200 * (d - 1), speed=4.0), solver)
     curve = ca.Function("ring", [X := ca.SX.sym("x")], [ring(X)])
@@ -114,14 +120,12 @@ def test_a_throttling_ring_closes_along_the_stroke(solver):
 
 def test_soil_carries_and_lets_go():
     """Dropped on soil without damping: a fall, a half swing on the spring, and a flight as high as before."""
-    foot = mb.Body("foot", 2.0, 0.1, mb.Planar())
     k, g, height = 4e4, 10.0, 0.05
-    soil = mb.Soil("soil", GROUND.point(0, 0), foot.point(0, 0), (0, 1, 0), mb.KelvinVoigt(k))
     fall, w = np.sqrt(2 * height / g), np.sqrt(k / 2.0)
     v = g * fall
     touch = 2 * (np.pi - np.arctan2(w * v, g)) / w
     times = [0.0, fall, fall + touch, 2 * fall + touch]
-    run = mb.simulate(mb.Scene(mb.System(foot, soil, mb.Gravity(0, -g)), {"foot.y": height}, times))
+    run = standing(mb.KelvinVoigt(k), g, times, y=height)
     assert_allclose(run["foot.y"], [height, 0, 0, height], atol=1e-8)
     assert_allclose(run["foot.vy"], [0, -v, v, 0], atol=1e-6)
     assert_allclose(run.energy.work, 0)
@@ -130,33 +134,22 @@ def test_soil_carries_and_lets_go():
 def test_soil_holds_across_its_normal_and_about_all_axes():
     """Pressed down it is a bushing; above the ground its normal force alone is gone."""
     plate = mb.Body("plate", 2.0, (0.1, 0.2, 0.3), mb.Spatial())
-    across, turning = (3e3, 5e3, 0), ((20.0, 30.0, 40.0), (2.0, 3.0, 4.0))
-    forces = {}
-    for name, element in {
-        "soil": mb.Soil(
-            "s", GROUND.point(0, 0, 0), plate.point(0.1, 0.2, 0), (0, 0, 1), mb.KelvinVoigt(1e4, 50.0),
-            across, (30.0, 40.0, 0), *turning,
-        ),
-        "bushing": mb.Bushing(
-            "s", GROUND.point(0, 0, 0), plate.point(0.1, 0.2, 0), (3e3, 5e3, 1e4),
-            (30.0, 40.0, 50.0), *turning,
-        ),
-    }.items():  # fmt: skip
-        system = mb.System(plate, element)
-        forces[name] = ca.Function("Q", [system.q, system.v], [system.Q])
+    ends, turning = (ORIGIN, plate.point(0.1, 0.2, 0)), ((20.0, 30.0, 40.0), (2.0, 3.0, 4.0))
+    law, across = mb.KelvinVoigt(1e4, 50.0), ((3e3, 5e3, 0), (30.0, 40.0, 0))
+    soil = mb.System(plate, mb.Soil("s", *ends, (0, 0, 1), law, *across, *turning))
+    bushing = mb.System(plate, mb.Bushing("s", *ends, (3e3, 5e3, 1e4), (30.0, 40.0, 50.0), *turning))
+    soil, bushing = (ca.Function("Q", [system.q, system.v], [system.Q]) for system in (soil, bushing))
     v = [0.1, 0.2, -0.3, 0.2, -0.1, 0.4]
     pressed, lifted = ([0.01, -0.02, z, 1, 0.02, -0.03, 0.1] for z in (-0.1, 0.2))
-    assert_allclose(forces["soil"](pressed, v).full(), forces["bushing"](pressed, v).full(), rtol=1e-12)
-    difference = (forces["soil"](lifted, v) - forces["bushing"](lifted, v)).full()[:3, 0]
+    assert_allclose(soil(pressed, v).full(), bushing(pressed, v).full(), rtol=1e-12)
+    difference = (soil(lifted, v) - bushing(lifted, v)).full()[:3, 0]
     assert difference[2] > 1000
     assert_allclose(difference[:2], 0, atol=1e-9)
-    assert forces["soil"](lifted, v).full()[2, 0] == 0
+    assert soil(lifted, v).full()[2, 0] == 0
 
 
 def test_measured_soil_is_a_table():
-    foot = mb.Body("foot", 2.0, 0.1, mb.Planar())
     law = mb.Tabulated(mb.Table([0, 0.01, 0.02], [0.0, 15.0, 60.0]), damping=100.0)
-    soil = mb.Soil("soil", GROUND.point(0, 0), foot.point(0, 0), (0, 1, 0), law)
-    run = mb.simulate(mb.Scene(mb.System(foot, soil, mb.Gravity(0, -10.0)), times=np.linspace(0, 5, 501)))
+    run = standing(law, 10.0, np.linspace(0, 5, 501))
     assert float(law.table(-run["foot.y"][-1])) == pytest.approx(20.0, rel=1e-6)
     assert run.energy_drift < 1e-6

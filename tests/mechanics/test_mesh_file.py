@@ -20,16 +20,13 @@ TRIANGLES = CUBE[FACES]
 
 
 def binary(triangles, head=b"made by hand", count=None):
-    parts = [head.ljust(80), np.uint32(len(triangles) if count is None else count).tobytes()]
-    for corners in triangles:
-        parts += [np.zeros(3, "<f4").tobytes(), corners.astype("<f4").tobytes(), b"\0\0"]
-    return b"".join(parts)
+    facets = [bytes(12) + corners.astype("<f4").tobytes() + bytes(2) for corners in triangles]
+    return b"".join([head.ljust(80), np.uint32(len(triangles) if count is None else count).tobytes(), *facets])
 
 
 def text(triangles, name="cube"):
-    rows = [
-        "".join("  vertex {!r} {!r} {!r}\n".format(*map(float, corner)) for corner in corners) for corners in triangles
-    ]
+    vertex = "  vertex {!r} {!r} {!r}\n"
+    rows = ["".join(vertex.format(*corner) for corner in corners) for corners in triangles.tolist()]
     facets = [f"facet normal 0 0 0\n outer loop\n{row} endloop\nendfacet\n" for row in rows]
     return f"solid {name}\n{''.join(facets)}endsolid {name}\n".encode()
 

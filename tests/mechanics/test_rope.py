@@ -12,12 +12,22 @@ from numpy.testing import assert_allclose
 import symmb as mb
 
 GROUND = mb.Ground()
+ORIGIN, NEAR = GROUND.point(0, 0), (GROUND.point(0.05, 0), 0.1)
+TIMES = np.linspace(0, 1, 12)
 
 
-def hanging(*rope, start=None, times=(0.0, 1.0), mass=2.0):
+def hanging(way, *rope, start=None, times=(0.0, 1.0), mass=2.0, g=10.0):
     load = mb.Body("load", mass, pose=mb.Particle())
-    system = mb.System(load, mb.Rope("rope", [*rope[0], load.point(0, 0)], *rope[1:]), mb.Gravity(0, -10.0))
+    system = mb.System(load, mb.Rope("rope", [*way, load.point(0, 0)], *rope), mb.Gravity(0, -g))
     return mb.Scene(system, start, list(times), {"x": load.x, "y": load.y, "vy": load.vy})
+
+
+def led(start, r, x, y, length, times):
+    """The end of a rope that goes round a post at the origin is led along a path."""
+    end = mb.Body("end", 1.0, pose=mb.Particle())
+    rope = mb.Rope("rope", [start, (GROUND.point(0, 0), r), end.point(0, 0)], 10.0, length)
+    system = mb.System(end, rope, mb.Motion("x", end.x, x), mb.Motion("y", end.y, y))
+    return mb.Scene(system, {"end.z": 0.0}, times, {"pull": system.force("rope")})
 
 
 def test_a_slack_rope_has_no_force_and_catches_its_load():
@@ -54,11 +64,9 @@ def test_a_rope_round_a_pulley_is_as_long_as_a_belt():
 
 
 def test_a_winch_lifts_and_does_work():
-    load = mb.Body("load", 2.0, pose=mb.Particle())
-    rope = mb.Rope("rope", [GROUND.point(0, 0), load.point(0, 0)], 1e4, 2 - 0.5 * mb.t, 200.0)
-    scene = mb.Scene(mb.System(load, rope, mb.Gravity(0, -10.0)), {"load.y": -2.002, "load.vy": 0.5}, [0.0, 1.0])
-    run = mb.simulate(scene)
-    assert_allclose(run["load.y"], [-2.002, -1.502], atol=1e-9)
+    start = {"load.y": -2.002, "load.vy": 0.5}
+    run = mb.simulate(hanging([GROUND.point(0, 0)], 1e4, 2 - 0.5 * mb.t, 200.0, start=start))
+    assert_allclose(run["y"], [-2.002, -1.502], atol=1e-9)
     assert_allclose(run.energy.work[-1], 2 * 10 * 0.5, rtol=1e-6)
 
 
@@ -75,46 +83,35 @@ def test_a_rod_for_a_rope_says_when_it_pushes():
 
 
 @pytest.mark.parametrize(
-    ("points", "k", "length", "fault"),
+    ("way", "k", "length", "fault"),
     [
-        ([GROUND.point(0, 0)], 1.0, 1.0, "must be a list of at least two points"),
-        ([GROUND.point(0, 0), GROUND.point(1, 0)], 1.0, 1.0, "so the rope has no effect"),
-        ([(GROUND.point(0, 0), 0.1), "load"], 1.0, 1.0, "first or the last point is a pulley"),
-        ([GROUND.point(0, 0), "load"], 0.0, 1.0, "stiffness is 0; it must be above 0"),
-        ([GROUND.point(0, 0), "load"], 1.0, -1.0, "length is -1; it must be at least 0"),
+        (lambda end: [ORIGIN], 1.0, 1.0, "must be a list of at least two points"),
+        (lambda end: end, 1e4, 1.0, "must be a list of at least two points"),
+        (lambda end: [ORIGIN, GROUND.point(1, 0)], 1.0, 1.0, "so the rope has no effect"),
+        (lambda end: [(ORIGIN, 0.1), end], 1.0, 1.0, "first or the last point is a pulley"),
+        (lambda end: [ORIGIN, NEAR, end], 1e4, 1.0, "closer to each other than their pulleys allow"),
+        (lambda end: [ORIGIN, end], 0.0, 1.0, "stiffness is 0; it must be above 0"),
+        (lambda end: [ORIGIN, end], 1.0, -1.0, "length is -1; it must be at least 0"),
     ],
 )
-def test_faults(points, k, length, fault):
+def test_faults(way, k, length, fault):
     load = mb.Body("load", 1.0, pose=mb.Particle())
-    with pytest.raises(mb.DeclarationError, match=f"Rope 'rope': .*{fault}"):
-        mb.System(load, mb.Rope("rope", [load.point(0, 0) if p == "load" else p for p in points], k, length))
-
-
-def test_what_is_no_way_is_told():
-    body = mb.Body("body", 1.0, pose=mb.Particle())
-    ground = mb.Ground()
-    rope = mb.Rope("rope", body.point(0, 0), 1e4, 1.0)
-    refused("must be a list of at least two points", mb.System, body, rope)
-    rope = mb.Rope("rope", [ground.point(0, 0), (ground.point(0.05, 0), 0.1), body.point(0, 0)], 1e4, 1.0)
-    refused("closer to each other than their pulleys allow", mb.System, body, rope)
+    refused(f"Rope 'rope': .*{fault}", mb.System, load, mb.Rope("rope", way(load.point(0, 0)), k, length))
 
 
 def test_a_load_in_its_pulley_is_a_run_that_ends():
     body = mb.Body("body", 1.0, pose=mb.Particle())
-    ground = mb.Ground()
-    rope = mb.Rope("rope", [ground.point(-1, 0), (ground.point(0, 0), 0.1), body.point(0, 0)], 1e4, 3.0)
-    with pytest.warns(mb.SymmbWarning, match="an end has reached a pulley"):
-        run = mb.simulate(mb.Scene(mb.System(body, rope), {"body.x": 0.05, "body.vx": 0.2}, [0.0, 1.0]))
+    rope = mb.Rope("rope", [GROUND.point(-1, 0), (GROUND.point(0, 0), 0.1), body.point(0, 0)], 1e4, 3.0)
+    scene = mb.Scene(mb.System(body, rope), {"body.x": 0.05, "body.vx": 0.2}, [0.0, 1.0])
+    run = warned("an end has reached a pulley", mb.simulate, scene)
     assert run["body.x"][-1] == pytest.approx(0.25, abs=1e-9)
 
 
 @pytest.mark.parametrize(("over", "y"), [(GROUND.point(0, 0), -0.79), (GROUND.point(0.1, 0.05), -0.64)])
 def test_a_winch_that_winds_its_load_into_the_pulley_is_told(over, y):
     """Of 1.8 m, 0.8 m and 0.7 m are free, and 1 m is wound each second. A round pulley would let the load fly on."""
-    load = mb.Body("load", 1.0, pose=mb.Particle())
-    rope = mb.Rope("rope", [GROUND.point(-1, 0.1), over, load.point(0, 0)], 1e4, 1.8 - mb.t, 50.0)
-    system = mb.System(load, rope, mb.Gravity(0, -9.81))
-    scene = mb.Scene(system, {"load.x": 0.1, "load.y": y, "load.vy": 1.0}, np.linspace(0, 0.9, 19))
+    start, times = {"load.x": 0.1, "load.y": y, "load.vy": 1.0}, np.linspace(0, 0.9, 19)
+    scene = hanging([GROUND.point(-1, 0.1), over], 1e4, 1.8 - mb.t, 50.0, start=start, times=times, mass=1.0, g=9.81)
     warned(r"Rope 'rope': the rope is too short at t = 0\.[678].*Stop the winch earlier", mb.simulate, scene)
 
 
@@ -126,12 +123,11 @@ def retracting(speed, r, k=1000.0):
     rope = mb.Rope("rope", [GROUND.point(-1, 0), (idler.point(0, 0), -p.r), GROUND.point(1, 0)], k, 1.98)
     drive = mb.Motion("drive", slide.displacement, 0.1 - p.speed * mb.t)
     system = mb.System(idler, slide, rope, drive, parameters=p)
-    times = np.linspace(0, 1, 12)
-    return mb.Scene(system, {}, times, {"pull": system.force("rope"), "held": system.lam("drive")}), times
+    return mb.Scene(system, {}, TIMES, {"pull": system.force("rope"), "held": system.lam("drive")})
 
 
-def pull_of_retracting(times, speed, r, k=1000.0):
-    h = 0.1 - speed * times
+def pull_of_retracting(speed, r, k=1000.0):
+    h = 0.1 - speed * TIMES
     d = np.hypot(1, h)
     way = 2 * np.sqrt(d**2 - r**2) + 2 * r * (np.arctan2(h, 1) + np.arcsin(r / d))
     return k * (np.where(h + r > 0, way, 2.0) - 1.98)
@@ -141,9 +137,8 @@ def pull_of_retracting(times, speed, r, k=1000.0):
 def test_an_idler_that_retracts_leaves_the_rope(speed, r):
     """In one run, in lanes, and in derivatives with respect to the speed and to the radius."""
     values = {"speed": speed, "r": r}
-    scene, times = retracting(**values)
+    scene, right = retracting(**values), pull_of_retracting(**values)
     run = mb.simulate(scene)
-    right = pull_of_retracting(times, **values)
     assert_allclose(run["pull"], right, atol=1e-8)
     assert_allclose(run["held"][right == 20.0], 0.0, atol=1e-9)  # the rope does not hold the idler
     assert not run.doubts
@@ -151,21 +146,17 @@ def test_an_idler_that_retracts_leaves_the_rope(speed, r):
     slopes = mb.sensitivities(scene)
     for name in values:
         up, down = ({**values, name: values[name] * s} for s in (1 + 1e-6, 1 - 1e-6))
-        slope = (pull_of_retracting(times, **up) - pull_of_retracting(times, **down)) / (2e-6 * values[name])
+        slope = (pull_of_retracting(**up) - pull_of_retracting(**down)) / (2e-6 * values[name])
         assert_allclose(slopes["pull", name], slope, atol=1e-3)
 
 
 @pytest.mark.parametrize(("turns", "r", "side"), [(2.3, 0.2, -1), (1.1, 0.1, 1), (3.7, 0.05, -1)])
 def test_a_rope_winds_on_by_several_turns_and_off(turns, r, side):
     """The end goes round a post on a circle of the radius 1 and back, and further back until the rope is straight."""
-    end = mb.Body("end", 1.0, pose=mb.Particle())
     angle = 0.4 - (turns * 2 * np.pi + 0.4) * ca.sin(np.pi * mb.t)
-    place = ca.vertcat(ca.cos(angle), -side * ca.sin(angle))
-    rope = mb.Rope("rope", [GROUND.point(-2, -side * r), (GROUND.point(0, 0), side * r), end.point(0, 0)], 10.0, 2.2)
-    drives = [mb.Motion(f"drive_{x}", at, law) for x, at, law in (("x", end.x, place[0]), ("y", end.y, place[1]))]
-    system = mb.System(end, rope, *drives)
     times = np.linspace(0, 1, 41)
-    run = mb.simulate(mb.Scene(system, {"end.z": 0.0}, times, {"pull": system.force("rope")}))
+    path = ca.cos(angle), -side * ca.sin(angle)
+    run = mb.simulate(led(GROUND.point(-2, -side * r), side * r, *path, 2.2, times))
     a = 0.4 - (turns * 2 * np.pi + 0.4) * np.sin(np.pi * times)
     wrap = np.arcsin(r) - a
     straight = np.hypot(2 + np.cos(a), np.sin(a) - r)
@@ -209,13 +200,10 @@ def test_of_two_pulleys_a_rope_touches_those_that_it_needs(second):
 
 def test_a_rope_that_meets_its_pulley_from_the_other_side_is_told():
     """The end goes round the fixed point of the rope, until the rope comes to the pulley from below."""
-    end = mb.Body("end", 1.0, pose=mb.Particle())
-    rope = mb.Rope("rope", [GROUND.point(-1, 0), (GROUND.point(0, 0), -0.1), end.point(0, 0)], 10.0, 1.0)
     angle = 0.2 + 6 * mb.t
-    drives = [mb.Motion("x", end.x, -1 + 2.2 * ca.cos(angle)), mb.Motion("y", end.y, 2.2 * ca.sin(angle))]
     first = (2 * np.pi - np.arcsin(0.1) - 0.2) / 6
     for times in (np.linspace(0, 1.02, 103), [0.0, 1.02]):
-        scene = mb.Scene(mb.System(end, rope, *drives), {"end.z": 0.0}, times)
+        scene = led(GROUND.point(-1, 0), -0.1, -1 + 2.2 * ca.cos(angle), 2.2 * ca.sin(angle), 1.0, times)
         with pytest.warns(mb.SymmbWarning, match="meets a pulley at t = .* s from outside"):
             (doubt,) = mb.simulate(scene).doubts
         assert first <= float(doubt.split("t = ")[1].split()[0]) <= first + 0.011
@@ -224,13 +212,11 @@ def test_a_rope_that_meets_its_pulley_from_the_other_side_is_told():
 @pytest.mark.parametrize(("turn", "side"), [(-1.3, 1), (-0.4, -1), (0.7, 1), (3.5, -1)])
 def test_the_state_of_a_pulley_is_the_turn_of_the_line_through_the_points(side, turn):
     """It is listed by nobody, and grows as the load goes round."""
-    load, angle = mb.Body("load", 1.0, pose=mb.Particle()), side * (turn + mb.t)
-    rope = mb.Rope("rope", [GROUND.point(-1, 0), (GROUND.point(0, 0), side * 0.1), load.point(0, 0)], 10.0, 9.0)
-    drives = [mb.Motion("x", load.x, 2 * ca.cos(angle)), mb.Motion("y", load.y, 2 * ca.sin(angle))]
-    scene = mb.Scene(mb.System(load, rope, *drives), {"load.z": 0.0}, [0.0, 0.5, 7.0])
+    angle, times = side * (turn + mb.t), np.array([0.0, 0.5, 7.0])
+    scene = led(GROUND.point(-1, 0), side * 0.1, 2 * ca.cos(angle), 2 * ca.sin(angle), 9.0, times).with_outputs(None)
     # some come from the side where the pulley does not lie
     with warnings.catch_warnings(action="ignore", category=mb.SymmbWarning):
-        assert_allclose(mb.simulate(scene, mb.CVODES())["rope.wrap1"], turn + np.array([0.0, 0.5, 7.0]), atol=1e-6)
+        assert_allclose(mb.simulate(scene, mb.CVODES())["rope.wrap1"], turn + times, atol=1e-6)
 
 
 @pytest.mark.parametrize(("depth", "count"), [(0.35, 2), (0.2, 3), (0.35, 200)])

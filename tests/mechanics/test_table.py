@@ -28,23 +28,17 @@ X = ca.SX.sym("x")
 
 
 @pytest.mark.parametrize("curve", CURVES)
-def test_a_table_is_scipy_s_monotone_interpolant(curve):
+def test_a_table_is_scipy_s_monotone_interpolant_and_keeps_beyond_its_points_to_its_ends(curve):
     x, y = (np.array(values) for values in CURVES[curve])
     at = np.sort(np.concatenate([x, RNG.uniform(x[0], x[-1], 300)]))
-    f, pchip, expression = mb.Table(x, y), PchipInterpolator(x, y), None
-    inside = ~np.isin(at, x)  # second derivatives jump at the points
+    expression, pchip = mb.Table(x, y)(X), PchipInterpolator(x, y)
+    f = ca.Function("f", [X], [expression, ca.jacobian(expression, X)])
     for order in range(4):
-        expression = f(X) if expression is None else ca.jacobian(expression, X)
         values = ca.Function("f", [X], [expression])(at[None]).full()[0]
         known = pchip.derivative(order)(at) if order else pchip(at)
-        where = np.ones(len(at), bool) if order == 0 else inside
+        where = ~np.isin(at, x) | (order == 0)  # second derivatives jump at the points
         assert_allclose(values[where], known[where], rtol=1e-9, atol=1e-11 * max(1.0, np.abs(known).max()))
-
-
-@pytest.mark.parametrize("curve", CURVES)
-def test_a_table_keeps_to_its_points_and_beyond_them_to_its_ends(curve):
-    x, y = (np.array(values) for values in CURVES[curve])
-    f = ca.Function("f", [X], [mb.Table(x, y)(X), ca.jacobian(mb.Table(x, y)(X), X)])
+        expression = ca.jacobian(expression, X)
     values, slopes = (a.full()[0] for a in f(np.array([[x[0] - 1e9, x[0] - 1e-3, x[-1] + 1e-3, x[-1] + 1e9]])))
     assert_array_equal(values, [y[0], y[0], y[-1], y[-1]])
     assert_array_equal(slopes, 0)
@@ -55,13 +49,13 @@ def test_a_table_keeps_to_its_points_and_beyond_them_to_its_ends(curve):
 
 def test_lanes_read_a_table_each_at_its_own_place():
     x, y = CURVES["ups and downs"]
-    table, state, p, t = mb.Table(x, y), ca.SX.sym("x"), ca.SX.sym("p"), ca.SX.sym("t")
-    outputs = ca.vertcat(table(state), ca.jacobian(table(state), state), table(t))
-    f = model_function(state, p, t, ca.SX(0.0), outputs, None)
+    table, p, t = mb.Table(x, y), ca.SX.sym("p"), ca.SX.sym("t")
+    outputs = ca.vertcat(table(X), ca.jacobian(table(X), X), table(t))
+    f = model_function(X, p, t, ca.SX(0.0), outputs, None)
     engine = Engine(Lanes(f, StepTolerances(1e-8, 1e-8)), np.array([2.5]))
     at = np.linspace(x[0] - 1, x[-1] + 1, 101)
     Y, _ = engine.values(at[:, None], np.ones((101, 1)))
-    expected = ca.Function("f", [state, t], [outputs])(at[None], 2.5).full().T
+    expected = ca.Function("f", [X, t], [outputs])(at[None], 2.5).full().T
     assert_allclose(Y[:, 0], expected, rtol=1e-12, atol=1e-12)
 
 
@@ -70,12 +64,10 @@ def block(points, argument):
     x = np.linspace(-2.5, 2.5, points) + np.where(np.arange(points) % 2, 0.7, 0) / points
     y = np.sin(1.7 * x) + 0.3 * np.cos(4.1 * x)
     p, body = mb.Parameters(k=3.1), mb.Body("block", mass=1.0, pose=mb.Particle())
-    at = argument(body, p)
-    push = mb.Force("push", body.point(0, 0), (mb.Table(x, y)(at) - p.k * body.x, 0))
-    system = mb.System(body, push, parameters=p)
-    start, times = {"block.x": 0.9, "block.vx": -0.35}, np.linspace(0, 2, 9)
-    outputs = {"x": body.x, "v": body.vx}
-    return mb.Scene(system, start, times, outputs, box=mb.Box.around(p, 0.02)), PchipInterpolator(x, y)
+    push = mb.Force("push", body.point(0, 0), (mb.Table(x, y)(argument(body, p)) - p.k * body.x, 0))
+    start, times, outputs = {"block.x": 0.9, "block.vx": -0.35}, np.linspace(0, 2, 9), {"x": body.x, "v": body.vx}
+    scene = mb.Scene(mb.System(body, push, parameters=p), start, times, outputs, mb.Box.around(p, 0.02))
+    return scene, PchipInterpolator(x, y)
 
 
 ARGUMENTS = {
@@ -141,24 +133,23 @@ def test_taylor_proofs_and_copies_read_tables():
     assert np.ptp([proved["x"][0], proved["x"][1]], axis=0).max() < 1.1 * np.ptp(sampled["x"], axis=0).max() + 1e-8
 
 
+TABLE = mb.Table([0, 1], [0, 1])
+
+
 @pytest.mark.parametrize(
-    ("x", "y", "text"),
+    ("arguments", "text"),
     [
-        ([0.0, 1.0, 1.0], [1, 2, 3], r"Table: x must increase, but x\[2\] = 1 follows 1"),
-        ([0.0, 1.0], [1, 2, 3], r"x has the shape \(2,\) and y has \(3,\)\. Pass two lists of equal length"),
-        ([0.0], [1.0], "at least 2"),
-        ([0.0, np.nan], [1.0, 2.0], "Table: x and y must be finite"),
-        ([0.0, "one"], [1.0, 2.0], "Table: x and y must be lists of numbers"),
-        (np.arange(2e6), np.zeros(2_000_000), "Table: 2000000 points are too many. Pass at most 1000000"),
-        ([0.0, 1.0], [1.0, X], "must be numbers. Multiply the table by"),
+        (([0.0, 1.0, 1.0], [1, 2, 3]), r"Table: x must increase, but x\[2\] = 1 follows 1"),
+        (([0.0, 1.0], [1, 2, 3]), r"x has the shape \(2,\) and y has \(3,\)\. Pass two lists of equal length"),
+        (([0.0], [1.0]), "at least 2"),
+        (([0.0, np.nan], [1.0, 2.0]), "Table: x and y must be finite"),
+        (([0.0, "one"], [1.0, 2.0]), "Table: x and y must be lists of numbers"),
+        ((np.arange(2e6), np.zeros(2_000_000)), "Table: 2000000 points are too many. Pass at most 1000000"),
+        (([0.0, 1.0], [1.0, X]), "must be numbers. Multiply the table by"),
+        (("x",), "Table: expected a number or a CasADi SX expression, got 'x'"),
+        *(((place,), r"Table: .* is not finite") for place in (np.nan, -np.inf, [0.3, np.nan])),
     ],
+    ids=lambda value: value if isinstance(value, str) else "",
 )
-def test_points_that_make_no_curve_are_refused(x, y, text):
-    refused(text, mb.Table, x, y)
-
-
-def test_a_table_of_what_is_no_expression_is_refused():
-    table = mb.Table([0, 1], [0, 1])
-    refused("Table: expected a number or a CasADi SX expression, got 'x'", table, "x")
-    for place in (np.nan, -np.inf, [0.3, np.nan]):
-        refused(r"Table: .* is not finite", table, place)
+def test_points_that_make_no_curve_and_places_that_are_no_expression_are_refused(arguments, text):
+    refused(text, mb.Table if len(arguments) == 2 else TABLE, *arguments)

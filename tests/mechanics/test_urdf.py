@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from faults import refused
+from machines import run_of
 from numpy.testing import assert_allclose
 from scipy.optimize import nnls
 from scipy.spatial.transform import Rotation
@@ -30,6 +31,11 @@ def load(tmp_path, text, **options):
 
 def joint(name, kind, parent, child, inside=""):
     return f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>{inside}</joint>'
+
+
+def arm(name="hinge", inside="", kind="continuous", inertial=ROD):
+    """A link `arm` on a link `base`."""
+    return f'<link name="base"/><link name="arm">{inertial}</link>' + joint(name, kind, "base", "arm", inside)
 
 
 def numbers(element, attribute, default="0 0 0"):
@@ -76,7 +82,7 @@ def test_links_are_where_the_file_puts_them(name, posed):
     outputs = {f"{n}{k}": robot.bodies[n].point(*np.eye(4)[k, :3]).r for n in robot.bodies for k in range(4)}
     outputs = {f"{n}.{i}": r[i] for n, r in outputs.items() for i in range(3)}
     outputs |= {j.name: getattr(j, j.coordinate) for j in robot.joints.values()}
-    run = mb.simulate(mb.Scene(mb.System(*robot.elements), start, outputs=outputs))
+    run = run_of(*robot.elements, start=start, outputs=outputs)
     if name == "gripper":
         assert_allclose(run["thumb_hinge"][0], 0.25 - 12 * values["left_slide"], atol=1e-12)
         values |= {"right_slide": values["left_slide"], "thumb_hinge": run["thumb_hinge"][0]}
@@ -122,11 +128,11 @@ def test_all_joints_move_as_the_format_says(tmp_path):
     assert set(robot.joints) == {"table", "slide"} and "free.angle" not in robot.start
     points = {name: robot.bodies[name].point(0, 0, 0) for name in ("plate", "ball", "block")}
     outputs = {f"{name}.{x}": getattr(point, x) for name, point in points.items() for x in "xyz"}
-    scene = mb.Scene(mb.System(*robot.elements), robot.start, [0.0, 0.5], outputs)
-    start, places = mb.simulate(scene), forward_kinematics(tmp_path / "machine.urdf", {})
+    scene = {"start": robot.start, "times": [0.0, 0.5], "outputs": outputs}
+    start, places = run_of(*robot.elements, **scene), forward_kinematics(tmp_path / "machine.urdf", {})
     for name in points:
         assert_allclose([start[f"{name}.{x}"][0] for x in "xyz"], places[name][:3, 3], atol=1e-12)
-    run = mb.simulate(mb.Scene(mb.System(*robot.elements, mb.Gravity(0, 0, -10)), robot.start, [0.0, 0.5], outputs))
+    run = run_of(*robot.elements, mb.Gravity(0, 0, -10), **scene)
     ways = {name: np.array([run[f"{name}.{x}"][1] - run[f"{name}.{x}"][0] for x in "xyz"]) for name in points}
     assert_allclose(ways["ball"], [0, 0, -10 * 0.5**2 / 2], atol=1e-8)
     normal = places["plate"][:3, :3] @ [0, 1, 0]
@@ -134,12 +140,10 @@ def test_all_joints_move_as_the_format_says(tmp_path):
 
 
 def test_numbers_are_those_of_the_file_and_can_be_replaced(tmp_path):
-    hinge = joint("elbow", "continuous", "base", "arm", '<origin xyz="0 0 0.5"/><axis xyz="0 1 0"/>')
-    text = f'<link name="base"/><link name="arm">{ROD}</link>{hinge}'
+    text = arm("elbow", '<origin xyz="0 0 0.5"/><axis xyz="0 1 0"/>')
     p = mb.Parameters(m=3.0, x=0.1, c=0.4, turn=0.2)
     replace = {"arm.mass": p.m, "arm.com.x": 0.6, "elbow.damping": p.c}
-    replace |= {"elbow.origin.x": p.x, "elbow.origin.pitch": p.turn}
-    robot = load(tmp_path, text, replace=replace)
+    robot = load(tmp_path, text, replace=replace | {"elbow.origin.x": p.x, "elbow.origin.pitch": p.turn})
     given = {"arm.mass": 2.0, "arm.com.x": 0.5, "arm.inertia.yy": 0.2, "elbow.origin.z": 0.5, "elbow.axis.y": 1.0}
     assert given.items() <= robot.numbers.items() and robot.numbers["elbow.damping"] == 0.0
     elbow, tip = robot.joints["elbow"], robot.bodies["arm"].point(1, 0, 0)
@@ -157,23 +161,20 @@ def test_numbers_are_those_of_the_file_and_can_be_replaced(tmp_path):
 def test_dry_friction_and_damping_of_a_slider(tmp_path):
     """A block that is stopped by friction after the way m v^2 / (2 F)."""
     slide = '<axis xyz="1 0 0"/><limit lower="-9" upper="9"/><dynamics friction="4"/>'
-    text = f'<link name="base"/><link name="block">{ROD}</link>' + joint("slide", "prismatic", "base", "block", slide)
-    robot = load(tmp_path, text)
-    way = robot.joints["slide"].displacement
-    scene = mb.Scene(mb.System(*robot.elements), {"slide.displacement_rate": 2.0}, [0.0, 2.0], {"way": way})
-    assert abs(mb.simulate(scene)["way"][1] - 2 * 2.0**2 / (2 * 4)) < 1e-4  # it rests after 1 s
+    robot = load(tmp_path, arm("slide", slide, "prismatic"))
+    start, outputs = {"slide.displacement_rate": 2.0}, {"way": robot.joints["slide"].displacement}
+    run = run_of(*robot.elements, start=start, times=[0.0, 2.0], outputs=outputs)
+    assert abs(run["way"][1] - 2 * 2.0**2 / (2 * 4)) < 1e-4  # it rests after 1 s
 
 
 @pytest.mark.parametrize("stop", [mb.KelvinVoigt(1e6, 2e3), 0.0], ids=["law", "restitution"])
 def test_limits_stop_a_joint_on_request(tmp_path, stop):
-    hinge = joint("hinge", "revolute", "base", "arm", '<axis xyz="0 1 0"/><limit lower="-1" upper="0.5"/>')
-    text = f'<link name="base"/><link name="arm">{ROD}</link>{hinge}'
+    text = arm("hinge", '<axis xyz="0 1 0"/><limit lower="-1" upper="0.5"/>', "revolute")
     idle, stopped = load(tmp_path, text), load(tmp_path, text, stop=stop, replace={"hinge.limit.upper": 0.7})
     assert "the limits of one joint have no effect" in repr(idle)
     assert not any(isinstance(e, mb.Stop) for e in idle.elements)
-    outputs = {"angle": stopped.joints["hinge"].angle}
-    system = mb.System(*stopped.elements, mb.Gravity(0, 0, -9.81))
-    run = mb.simulate(mb.Scene(system, stopped.start, np.linspace(0, 2, 21), outputs))
+    times, outputs = np.linspace(0, 2, 21), {"angle": stopped.joints["hinge"].angle}
+    run = run_of(*stopped.elements, mb.Gravity(0, 0, -9.81), start=stopped.start, times=times, outputs=outputs)
     assert abs(run["angle"][-1] - 0.7) < 1e-4
 
 
@@ -182,7 +183,7 @@ def test_rates_of_two_joints_that_a_drive_couples_on_one_body():
     robot = mb.load_urdf(FILES / "gripper.urdf")
     rates = {"wrist.angle_rate": 1.0, "left_slide.displacement_rate": 0.05, "thumb_hinge.angle_rate": -0.6}
     outputs = {"right": robot.joints["right_slide"].displacement_rate}
-    run = mb.simulate(mb.Scene(mb.System(*robot.elements), robot.start | rates, outputs=outputs))
+    run = run_of(*robot.elements, start=robot.start | rates, outputs=outputs)
     assert abs(run["right"][0] - 0.05) < 1e-12
 
 
@@ -210,8 +211,7 @@ def test_the_start_of_a_robot_is_told_in_short():
 
 
 def test_a_joint_may_have_the_name_of_a_link(tmp_path):
-    text = f'<link name="base"/><link name="arm">{ROD}</link>' + joint("arm", "continuous", "base", "arm")
-    robot = load(tmp_path, text)
+    robot = load(tmp_path, arm("arm"))
     assert robot.bodies["arm"].name == "arm_link" and robot.joints["arm"].name == "arm"
     mb.System(*robot.elements)
 
@@ -222,17 +222,9 @@ def test_axes_of_a_welded_link():
     tip = robot.bodies["tip"]
     wheel = mb.Body("wheel", 1.0, (0.1, 0.1, 0.1), mb.Spatial())
     spin = mb.Revolute("spin", tip.point(0, 0, 0), wheel.point(0, 0, 0), axis=tip.direction(0, 0, 1), axis_b=(0, 0, 1))
-    system = mb.System(*robot.elements, wheel, spin)
     axis = wheel.rotation @ ca.DM([0, 0, 1])
-    run = mb.simulate(mb.Scene(system, robot.start, outputs={x: axis[i] for i, x in enumerate("xyz")}))
-    expected = forward_kinematics(FILES / "branch.urdf", {})["tip"][:3, 2]
-    assert_allclose([run[x][0] for x in "xyz"], expected, atol=1e-12)
-
-
-def test_names_that_are_not_there_have_near_misses():
-    robot = mb.load_urdf(FILES / "gantry.urdf")
-    with pytest.raises(mb.DeclarationError, match=r"no link 'masd'. Did you mean 'mast'"):
-        robot.bodies["masd"]
+    run = run_of(*robot.elements, wheel, spin, start=robot.start, outputs={x: axis[i] for i, x in enumerate("xyz")})
+    assert_allclose(run.values[0], forward_kinematics(FILES / "branch.urdf", {})["tip"][:3, 2], atol=1e-12)
 
 
 REPLACEMENTS = [
@@ -253,12 +245,12 @@ def test_replacements_that_are_refused(replace, message):
     refused(message, mb.load_urdf, FILES / "gantry.urdf", replace=replace)
 
 
-def test_what_is_no_file_and_a_free_base_without_mass_are_told(tmp_path):
+def test_what_is_no_file_no_link_and_a_free_base_without_mass_are_told(tmp_path):
+    refused("no link 'masd'. Did you mean 'mast'", mb.load_urdf(FILES / "gantry.urdf").bodies.__getitem__, "masd")
     refused("expected the path of a file", mb.load_urdf, None)
     refused("expected the path of a file", mb.load_urdf, 5)
     refused(r"none.urdf: this file cannot be read", mb.load_urdf, "none.urdf")
-    text = f'<link name="base"/><link name="arm">{ROD}</link>' + joint("elbow", "continuous", "base", "arm")
-    refused("free base 'base' has no mass", load, tmp_path, text, fixed_base=False)
+    refused("free base 'base' has no mass", load, tmp_path, arm(), fixed_base=False)
 
 
 def impossible(seed):
@@ -280,19 +272,22 @@ def impossible(seed):
 ENTRIES = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)]
 
 
+def inertial_of(J, origin='xyz="0.1 0 0"', mass=1):
+    moments = " ".join(f'i{"xyz"[i]}{"xyz"[j]}="{J[i, j]}"' for i, j in ENTRIES)
+    return f'<inertial><origin {origin}/><mass value="{mass}"/><inertia {moments}/></inertial>'
+
+
 @pytest.mark.parametrize("is_mjcf", [False, True], ids=["urdf", "mjcf"])
 @pytest.mark.parametrize("seed", range(16))
 def test_the_nearest_possible_inertia_stands_for_one_that_no_body_has(seed, is_mjcf, tmp_path):
     J, nearest, mass, centre, axis, change = impossible(seed)
     xyz, around = (" ".join(map(repr, vector.tolist())) for vector in (centre, axis))
-    xx, xy, xz, yy, yz, zz = (float(J[entry]) for entry in ENTRIES)
-    moments = f'ixx="{xx}" ixy="{xy}" ixz="{xz}" iyy="{yy}" iyz="{yz}" izz="{zz}"'
-    inertial = f'<inertial><origin xyz="{xyz}"/><mass value="{mass}"/><inertia {moments}/></inertial>'
-    text = f'<robot name="r"><link name="base"/><link name="arm">{inertial}</link>'
-    text += joint("hinge", "continuous", "base", "arm", f'<axis xyz="{around}"/>') + "</robot>"
+    axis, inertial = f'<axis xyz="{around}"/>', inertial_of(J, f'xyz="{xyz}"', mass)
+    text = f'<robot name="r">{arm(inside=axis, inertial=inertial)}</robot>'
     if is_mjcf:
         pytest.importorskip("mujoco")
-        full = f'<inertial pos="{xyz}" mass="{mass}" fullinertia="{xx} {yy} {zz} {xy} {xz} {yz}"/>'
+        entries = " ".join(f"{J[i, j]}" for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)))
+        full = f'<inertial pos="{xyz}" mass="{mass}" fullinertia="{entries}"/>'
         text = f'<mujoco><worldbody><body name="arm"><joint axis="{around}"/>{full}</body></worldbody></mujoco>'
     path = tmp_path / f"r.{'xml' if is_mjcf else 'urdf'}"
     path.write_text(text)
@@ -319,10 +314,8 @@ def test_a_moment_that_is_negative_by_rounding_is_repaired(seed, tmp_path):
     rng = np.random.default_rng(seed)
     entries, k = np.diag(rng.uniform(0.01, 1.0) * np.ones(3)), rng.integers(3)
     entries[k, k] = -(10.0 ** -rng.uniform(5, 25))
-    moments = " ".join(f'i{"xyz"[i]}{"xyz"[j]}="{entries[i, j]}"' for i, j in ENTRIES)
-    inertial = f'<inertial><origin xyz="0.1 0 0"/><mass value="1"/><inertia {moments}/></inertial>'
     axis = '<axis xyz="{} {} {}"/>'.format(*np.eye(3, dtype=int)[k - 1])  # about which it has an inertia
-    text = f'<link name="base"/><link name="arm">{inertial}</link>' + joint("hinge", "continuous", "base", "arm", axis)
+    text = arm(inside=axis, inertial=inertial_of(entries))
     with pytest.warns(mb.SymmbWarning, match="The inertia of 'arm' is impossible. The nearest possible") as told:
         robot = load(tmp_path, text)
     assert len(told) == 1 and robot.numbers[f"arm.inertia.{'xyz'[k] * 2}"] == 0
@@ -335,11 +328,8 @@ def test_a_rod_that_rounding_makes_negative_where_it_is_turned_is_one(seed, tmp_
     rng = np.random.default_rng(seed)
     R, moment = Rotation.random(rng=rng), rng.uniform(0.01, 1.0)
     J = R.as_matrix() * [0, moment, moment] @ R.as_matrix().T
-    moments = " ".join(f'i{"xyz"[i]}{"xyz"[j]}="{J[i, j]}"' for i, j in ENTRIES)
     rpy = " ".join(map(repr, R.inv().as_euler("xyz").tolist()))
-    inertial = f'<inertial><origin rpy="{rpy}"/><mass value="1"/><inertia {moments}/></inertial>'
-    text = f'<link name="base"/><link name="arm">{inertial}</link>' + joint("hinge", "continuous", "base", "arm")
-    robot = load(tmp_path, text)  # without a warning
+    robot = load(tmp_path, arm(inertial=inertial_of(J, f'rpy="{rpy}"')))  # without a warning
     assert mb.System(*robot.elements).M.shape
     assert_allclose(ca.evalf(ca.SX(robot.bodies["arm"].inertia)).full(), np.diag([0, moment, moment]), atol=1e-15)
 

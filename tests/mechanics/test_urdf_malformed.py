@@ -56,6 +56,9 @@ def elbow(kind, inside, ends=ENDS):
     return robot(BASE, ARM, f'<joint name="elbow" type="{kind}">', f"{ends}{inside}", "</joint>")
 
 
+ELBOW = "<joint name='elbow'>"
+ENTITY = ("<!ENTITY a>", "entities are not supported")
+CIRCLE = (joint("elbow", "hand", "arm"), joint("wrist", "arm", "hand"))
 MALFORMED = [
     ("", 1, "the document", "not well-formed"),
     ("mass = 3", 1, "the document", "not well-formed"),
@@ -63,19 +66,9 @@ MALFORMED = [
     (robot('<link name="arm">', "</joint>"), 3, "<link name='arm'>", "not well-formed"),
     (robot('<link name="a" name="b"/>'), 2, "<robot name='r'>", "not well-formed"),
     (robot('<link name="&arm;"/>'), 2, "<robot name='r'>", "not well-formed"),
-    ('<!DOCTYPE robot [\n<!ENTITY a "x">\n]>\n<robot name="&a;"/>', 2, "<!ENTITY a>", "entities are not supported"),
-    (
-        '<!DOCTYPE robot [\n<!ENTITY a "xxxxxxxx">\n<!ENTITY b "&a;&a;&a;&a;">\n]>\n<robot name="&b;"/>',
-        2,
-        "<!ENTITY a>",
-        "entities are not supported",
-    ),
-    (
-        '<!DOCTYPE robot [<!ENTITY a SYSTEM "file:///etc/hostname">]>\n<robot name="r">&a;</robot>',
-        1,
-        "<!ENTITY a>",
-        "entities are not supported",
-    ),
+    ('<!DOCTYPE robot [\n<!ENTITY a "x">\n]>\n<robot name="&a;"/>', 2, *ENTITY),
+    ('<!DOCTYPE robot [\n<!ENTITY a "xxxxxxxx">\n<!ENTITY b "&a;&a;&a;&a;">\n]>\n<robot name="&b;"/>', 2, *ENTITY),
+    ('<!DOCTYPE robot [<!ENTITY a SYSTEM "file:///etc/hostname">]>\n<robot name="r">&a;</robot>', 1, *ENTITY),
     ('<?xml version="1.0" encoding="no-such"?>\n<robot/>', 1, "the document", "not well-formed|decoded"),
     ('<sdf version="1.6">\n</sdf>', 1, "<sdf>", "must be <robot>"),
     ('<robot name="r">\n</robot>', 1, "<robot name='r'>", "no <link>"),
@@ -88,12 +81,7 @@ MALFORMED = [
     (robot('<link name=" "/>'), 2, "<link>", "'name' is empty"),
     (robot(f'<link name="{"a" * 101}"/>'), 2, "<link name=", "1 to 100"),
     (robot(BASE, BASE), 3, "<link name='base'>", "line 2 uses this name, too"),
-    (
-        robot(BASE, ARM, HAND, HINGE, joint("elbow", "base", "hand")),
-        6,
-        "<joint name='elbow'>",
-        "line 5 uses this name, too",
-    ),
+    (robot(BASE, ARM, HAND, HINGE, joint("elbow", "base", "hand")), 6, ELBOW, "line 5 uses this name, too"),
     (link(INERTIAL + INERTIAL), 3, "<inertial> of <link name='arm'>", "second <inertial>"),
     (link("<inertail/>"), 3, "<inertail> of <link name='arm'>", "Did you mean <inertial>"),
     (inertial(moments()), 3, "<inertial> of <link name='arm'>", "no <mass>"),
@@ -141,12 +129,7 @@ MALFORMED = [
     ),
     (robot(BASE, ARM), 3, "<link name='arm'>", "no joint carries this link, and no joint carries 'base'"),
     (robot(BASE, ARM, HINGE, joint("back", "arm", "base")), 1, "<robot name='r'>", "joints form a closed loop"),
-    (
-        robot(BASE, ARM, HAND, joint("elbow", "hand", "arm"), joint("wrist", "arm", "hand")),
-        5,
-        "<joint name='elbow'>",
-        "this joint form a closed loop",
-    ),
+    (robot(BASE, ARM, HAND, *CIRCLE), 5, ELBOW, "this joint form a closed loop"),
 ]
 PASSED_OVER = [
     (robot('<link name="a.b"/>'), 2, "<link name='a.b'>", "cannot be used"),
@@ -186,10 +169,6 @@ def test_a_fault_is_one_sentence_with_line_and_element(text, line, element, faul
         assert refused(None, mb.load_urdf, path) == message
 
 
-def test_joints_without_any_link(tmp_path):
-    refused(r"no link 'base'\.\n.* no link 'arm'\.$", mb.load_urdf, written(tmp_path, robot(HINGE)))
-
-
 @pytest.mark.parametrize(("text", "line", "element", "fault"), PASSED_OVER)
 def test_faults_that_do_not_matter_are_told_once(text, line, element, fault, tmp_path):
     with pytest.warns(mb.SymmbWarning) as told:
@@ -213,11 +192,18 @@ def test_extensions_of_other_programs_are_passed_over(tmp_path):
     assert set(mb.load_urdf(written(tmp_path, text)).joints) == {"elbow"}
 
 
-@pytest.mark.parametrize(("mass", "place"), [("1e200", "0 0 0"), ("1", "1e31 0 0"), ("1", "0 -1e300 0")])
-def test_numbers_beyond_those_of_any_machine(mass, place, tmp_path):
-    """Their products are no numbers: the body was called one with NaN."""
-    text = inertial(f'<origin xyz="{place}"/><mass value="{mass}"/>{moments()}')
-    refused(r"exceeds 1e\+30. Use SI units\.$", mb.load_urdf, written(tmp_path, text))
+def beyond(mass, place):
+    """Numbers of no machine, whose products are no numbers: the body was called one with NaN."""
+    return inertial(f'<origin xyz="{place}"/><mass value="{mass}"/>{moments()}'), r"exceeds 1e\+30. Use SI units\.$"
+
+
+MORE = [(robot(HINGE), r"no link 'base'\.\n.* no link 'arm'\.$")]
+MORE += [beyond("1e200", "0 0 0"), beyond("1", "1e31 0 0"), beyond("1", "0 -1e300 0")]
+
+
+@pytest.mark.parametrize(("text", "message"), MORE)
+def test_joints_without_any_link_and_numbers_beyond_those_of_any_machine(text, message, tmp_path):
+    refused(message, mb.load_urdf, written(tmp_path, text))
 
 
 @pytest.mark.parametrize(

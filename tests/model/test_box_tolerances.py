@@ -1,4 +1,7 @@
-"""Boxes from tolerances of drawings and tables. Trusted deviations are those of ISO 286-2:2010 and ISO 2768-1."""
+"""Boxes from tolerances of drawings and tables, and from records of uncertainty."""
+
+import zipfile
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -64,10 +67,9 @@ def test_tolerances_of_every_kind_become_intervals():
     ("tolerance", "why"),
     [
         (-1e-5, "at least 0"), ((1e-5, -1e-5), "pair"), ((1, 2, 3), "pair"), (None, "pair"), (np.nan, "pair"),
-        ("-1%", "percentage"), ("100%", "percentage"), ("x%", "percentage"), ("H7", "is not a tolerance"), ("40 H17",
-            "IT1 to IT16"),
-        ("600 H7", "up to 500"), ("40 Q7", "letters"), ("40 K9", "K up to the grade K8"), ("40 2768-x",
-            "f, m, c and v"),
+        ("-1%", "percentage"), ("100%", "percentage"), ("x%", "percentage"), ("H7", "is not a tolerance"),
+        ("40 H17", "IT1 to IT16"), ("600 H7", "up to 500"), ("40 Q7", "letters"), ("40 K9", "K up to the grade K8"),
+        ("40 2768-x", "f, m, c and v"),
         ("50 H7", "0.05 .in m. or 50 .in mm."), (True, "pair"), ("0 H7", "the size must be above 0"),
         ("2 2768-v", "class v .* above 3 to 4000"),
         ("3000 ISO 2768-f", "class f .* from 0.5 to 2000"), ("0.4 ISO 2768-m", "class m .* from 0.5 to 4000"),
@@ -140,16 +142,9 @@ pin,0.01,3e-5,1e-5,
 bore,0.04,,,40 H7
 rocker,0.2,,,1%
 """
-TOML = """[crank]
-nominal = 0.05
-plus = 5e-5
-[pin]
-nominal = 0.01
-plus = 3e-5
-minus = 1e-5
-[bore]
-nominal = 0.04
-tolerance = "40 H7"
+TOML = """crank = {nominal = 0.05, plus = 5e-5}
+pin = {nominal = 0.01, plus = 3e-5, minus = 1e-5}
+bore = {nominal = 0.04, tolerance = "40 H7"}
 [rocker]
 nominal = 0.2
 tolerance = "1%"
@@ -210,5 +205,62 @@ def test_other_files_are_told(tmp_path):
 def test_boxes_are_joined():
     a, b = mb.Box(k=(1, 2), m=(0, 1)), mb.Box(m=(0, 1), c=(3, 4))
     assert (a | b).names == ("k", "m", "c")
-    with pytest.raises(mb.DeclarationError, match="in the other"):
-        _ = a | mb.Box(m=(0, 2))
+    refused("in the other", lambda: a | mb.Box(m=(0, 2)))
+
+
+SSV = '<ssv:ParameterSet xmlns:ssv="http://ssp-standard.org/SSP1/SystemStructureParameterValues"><ssv:Parameters>'
+
+
+PARAMETER = '<ssv:Parameter name="{}"><ssv:Real value="{}" {}/></ssv:Parameter>'
+
+
+def write(path: Path, *parameters: str, head: str = "") -> Path:
+    rows = [PARAMETER.format(n, v, *(f'unit="{u}"' for u in unit), "") for n, v, *unit in map(str.split, parameters)]
+    path.write_text(head + SSV + "".join(rows) + "</ssv:Parameters></ssv:ParameterSet>")
+    return path
+
+
+def test_records_of_ssv_give_intervals_in_the_units_of_the_parameters(tmp_path: Path) -> None:
+    arm = "data.arm.uncertainty.lower 0.19 m", "data.arm.uncertainty.upper 0.22 m", "data.arm.value 0.2 m"
+    load = *(f"load.uncertainty.{row}" for row in ("nominal -4", "relTol 0.05", "absTol 0.1")), "other 7"
+    box = mb.Box.read(write(tmp_path / "a.ssv", *arm, *load), mb.Parameters(arm=(200, "mm"), load=-4.0))
+    assert box["arm"] == pytest.approx((190, 220)) and box["load"] == pytest.approx((-4.2, -3.8))
+
+
+@pytest.mark.parametrize(
+    "variable",
+    ['<ScalarVariable name="k.uncertainty.{}"><Real start="{}"/></ScalarVariable>',
+     '<Float64 name="k.uncertainty.{}" start="{}"/>'],
+)  # fmt: skip
+def test_fmus_of_both_versions_are_read(tmp_path: Path, variable: str) -> None:
+    rows = variable.format("nominal", "200") + variable.format("relTol", "0.05")
+    with zipfile.ZipFile(tmp_path / "a.fmu", "w") as archive:
+        text = f"<fmiModelDescription><ModelVariables>{rows}</ModelVariables></fmiModelDescription>"
+        archive.writestr("modelDescription.xml", text)
+    assert mb.Box.read(tmp_path / "a.fmu")["k"] == (190, 210)
+
+
+def test_wrong_files_are_refused(tmp_path: Path) -> None:
+    path, n, low, up = tmp_path / "a.ssv", *(f"k.uncertainty.{f}" for f in ("nominal", "lower", "upper"))
+    for why, rows in {
+        "no nominal value": [f"{low} 1", f"{up} 2"],
+        "must be between lower": [f"{n} 1", f"{low} 2", f"{up} 0"],
+        "needs lower and upper": [f"{n} 1", f"{low} 0"],
+        "must be at least 0": [f"{n} 1", "k.uncertainty.absTol -1"],
+        "must be a number": [f"{n} x", f"{low} 0", f"{up} 2"],
+        "unknown parameter 'k'": [f"{n} 1", f"{low} 0", f"{up} 2"],
+        "has no rows": ["k 1"],
+    }.items():
+        refused(why, mb.Box.read, write(path, *rows), {"arm": 1.0})
+    refused("entities are not supported", mb.Box.read, write(path, head='<!DOCTYPE a [<!ENTITY b "c">]>'))
+    refused("cannot be read", mb.Box.read, tmp_path / "none.ssv", error=FileError)
+    (tmp_path / "a.fmu").write_text("no archive")
+    refused("is not an FMU", mb.Box.read, tmp_path / "a.fmu")
+
+
+def test_names_and_values_of_the_published_drive_are_read(tmp_path: Path) -> None:
+    """DataVariant001 of DLR's SimpleControlledDriveNonlinear: Ja is 2 kg.m2 +- 5 %; the stiffness is a table."""
+    rows = "data.Ja.value 2 kg.m2", "data.Ja.uncertainty.nominal 2 kg.m2", "data.Ja.uncertainty.relTol 0.05"
+    table = "data.stiffness.table[1,1] 0", "data.stiffness.uncertainty.relTol 0.1"
+    box = mb.Box.read(write(tmp_path / "a.ssv", *rows, *table), mb.Parameters(Ja=(2, "kg m^2")))
+    assert box.names == ("Ja",) and box["Ja"] == pytest.approx((1.9, 2.1))

@@ -114,11 +114,9 @@ def _four_bar():
     """Uniform links of masses m1, m2, m3 and lengths a, b, c on a ground of length d."""
     p = mb.Parameters(m1=1.0, m2=3.0, m3=2.5, a=1.0, b=3.0, c=2.5, d=3.0, g=9.81)
     sizes = zip(LINKS, (p.m1, p.m2, p.m3), (p.a, p.b, p.c), strict=True)
-    crank, coupler, rocker = (mb.Body(name, m, m * l**2 / 12) for name, m, l in sizes)
+    crank, coupler, rocker = links = [mb.Body(name, m, m * l**2 / 12) for name, m, l in sizes]
     return mb.System(
-        crank,
-        coupler,
-        rocker,
+        *links,
         mb.Revolute("A", GROUND.point(0, 0), crank.point(-p.a / 2, 0)),
         mb.Revolute("B", crank.point(p.a / 2, 0), coupler.point(-p.b / 2, 0)),
         mb.Revolute("D", GROUND.point(p.d, 0), rocker.point(-p.c / 2, 0)),
@@ -243,13 +241,9 @@ def driven():
 def test_text_and_latex_have_the_same_parts():
     for system in (driven(), driven().joint_space(), mb.System(mb.Body("top", 1.0, (1.0, 2.0, 3.0), mb.Spatial()))):
         text, tex = system.equations(), system.latex()
-        for name, line, latex in (
-            ("Phi_q", "Φ_q = ", r"\Phi_q = "),
-            ("gamma", "γ = ", r"\gamma = "),
-            ("N", "N = ", "N = "),
-        ):
-            assert (line in text) == (latex in tex) == (name in system.parts)
-        assert ("Φ_t = " in text) == (r"\Phi_t = " in tex) == ("Phi_t" in system.parts)
+        parts = {"Phi_q": ("Φ_q", r"\Phi_q"), "gamma": ("γ", r"\gamma"), "N": ("N", "N"), "Phi_t": ("Φ_t", r"\Phi_t")}
+        for name, (line, latex) in parts.items():
+            assert (f"{line} = " in text) == (f"{latex} = " in tex) == (name in system.parts)
 
 
 def test_the_first_line_is_the_equation_of_motion():

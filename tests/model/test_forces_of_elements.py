@@ -4,11 +4,11 @@ import casadi as ca
 import numpy as np
 import pytest
 from faults import refused
+from machines import GROUND, pendulum
 
 import symmb as mb
 
 WEIGHT = 2.0 * 9.81
-GROUND = mb.Ground()
 
 
 def hanging(element_of):
@@ -47,12 +47,10 @@ def test_a_damper_brakes_with_its_force():
 
 def test_torques():
     """A rod of 1 m at rest on a torsion spring, and a motor that gives what its law says."""
-    rod = mb.Body("rod", 2.0, 0.1, mb.Planar())
-    hinge = mb.Revolute("hinge", GROUND.point(0, 0), rod.point(-0.5, 0))
-    spring, motor = mb.TorsionSpring("spring", GROUND, rod, 200.0, 1.0), mb.Actuator("motor", hinge, 2 + 3 * mb.t)
-    system = mb.System(rod, hinge, spring, motor, mb.Gravity(0, -9.81))
-    outputs = {"spring": system.force("spring"), "motor": system.force("motor"), "angle": hinge.angle}
-    scene = mb.Scene(system, times=[0.0, 1.0], outputs=outputs, equilibrium=True)
+    spring = lambda m: mb.TorsionSpring("spring", GROUND, m.rod, 200.0, 1.0)  # noqa: E731
+    rod = pendulum(spring, lambda m: mb.Actuator("motor", m.hinge, 2 + 3 * mb.t), length=0.5, mass=2.0)
+    outputs = {name: rod.system.force(name) for name in ("spring", "motor")} | {"angle": rod.hinge.angle}
+    scene = rod.scene(outputs, equilibrium=True)
     run = mb.simulate(scene)
     assert scene.units[:2] == ("N m", "N m")
     assert run["motor"] == pytest.approx([2.0, 5.0])

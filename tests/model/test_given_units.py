@@ -1,13 +1,15 @@
-"""Parameters, boxes and outputs with units: numbers by SciPy's constants, and refusals."""
+"""Parameters, boxes and outputs with units, and units of outputs: worked out where they follow, blank elsewhere."""
 
 import re
 
+import casadi as ca
 import numpy as np
 import pytest
-from faults import told_in_a_line
+from faults import refused, told_in_a_line
 from scipy import constants as si
 
 import symmb as mb
+from symmb.equations.model import units_of
 
 FACTORS = {
     "mm": si.milli, "cm": si.centi, "µm": si.micro, "um": si.micro, "km": si.kilo, "in": si.inch, "ft": si.foot,
@@ -19,6 +21,11 @@ FACTORS = {
     "N/mm²": 1e6, "km/h": si.kmh, "s^-1": 1.0, "1/min": 1 / 60, "kW": 1e3, "mV": 1e-3, "ohm": 1.0, "mH": 1e-3,
     "V s/rad": 1.0, "N/(mm/s)": 1e3, "K": 1.0, "1": 1.0, "kHz": 1e3, "mJ": 1e-3,
 }  # fmt: skip
+
+
+def told(why, call, /, *arguments, **options):
+    """A call is refused in a line."""
+    assert "\n" not in refused(why, call, *arguments, **options)
 
 
 @pytest.fixture(scope="module")
@@ -64,14 +71,11 @@ REFUSED = [
 def test_what_does_not_fit_is_refused(own, given, why):
     p = mb.Parameters(x=(3.0, own))
     scene = mb.Scene(mb.System(parameters=p), outputs={"y": (p.x, own) if own else p.x})
-    with told_in_a_line(why):
-        mb.Scene(scene.system, outputs=scene.outputs, box=mb.Box(x=(given, given)))
-    with told_in_a_line(why):
-        mb.simulate(scene, parameters={"x": given})
+    told(why, lambda: mb.Scene(scene.system, outputs=scene.outputs, box=mb.Box(x=(given, given))))
+    told(why, mb.simulate, scene, parameters={"x": given})
     ends = np.array([[2.0]]), np.array([[4.0]])
     bounds = mb.Bounds(np.zeros(1), ("y",), *ends, "sampled", "Vertex()", 2, units=(own,))
-    with told_in_a_line(why.replace("parameter 'x'", "output 'y'").replace("'x'", "'y'")):
-        bounds.check({"y": (None, given)})
+    told(why.replace("parameter 'x'", "output 'y'").replace("'x'", "'y'"), bounds.check, {"y": (None, given)})
 
 
 @pytest.mark.parametrize("unit", sorted({unit for unit in FACTORS if unit.isascii() and unit.isalpha()} - {"m", "N"}))
@@ -89,20 +93,15 @@ def test_units_in_other_letters_are_recognised(unit):
 def test_decimal_commas_are_recognised(seed):
     number = f"{np.random.default_rng(seed).uniform(1, 900):.3f}".replace(".", ",")
     for text in (f"{number} N/mm", number, f"{number}mm", f"1.{number} mm"):
-        with told_in_a_line("has a comma. Write decimals with a point"):
-            mb.Parameters(x=text)
-        with told_in_a_line("has a comma. Write decimals with a point"):
-            mb.Box(x=(text, "3 mm"))
-    with told_in_a_line("Use a point"):
-        mb.Box(x=f"{number} mm ±10%")
+        told("has a comma. Write decimals with a point", mb.Parameters, x=text)
+        told("has a comma. Write decimals with a point", mb.Box, x=(text, "3 mm"))
+    told("Use a point", mb.Box, x=f"{number} mm ±10%")
 
 
 @pytest.mark.parametrize("unit", ["N/mmm", "°C", "N/m s", "m2", "kgf"])
 def test_unknown_units_are_refused_where_they_are_declared(unit):
-    with told_in_a_line("unit|ambiguous|zero"):
-        mb.Parameters(x=(1.0, unit))
-    with told_in_a_line("unit|ambiguous|zero"):
-        mb.Scene(mb.System(), outputs={"y": (mb.t, unit)})
+    told("unit|ambiguous|zero", mb.Parameters, x=(1.0, unit))
+    told("unit|ambiguous|zero", mb.Scene, mb.System(), outputs={"y": (mb.t, unit)})
 
 
 BODY = mb.Body("body", 1.0, 0.1)
@@ -117,8 +116,7 @@ BODY = mb.Body("body", 1.0, 0.1)
     ],
 )  # fmt: skip
 def test_outputs_are_asked_in_units_that_fit(output, unit, why):
-    with told_in_a_line(why):
-        mb.Scene(mb.System(BODY), times=[0.0, 1.0], outputs={"y": (output, unit)})
+    told(why, mb.Scene, mb.System(BODY), times=[0.0, 1.0], outputs={"y": (output, unit)})
 
 
 @pytest.mark.parametrize(
@@ -169,21 +167,6 @@ def test_tolerances_without_a_size(seed):
         assert mb.Box.around(p, share) == mb.Box.around(p, f"{size}%")
 
 
-@pytest.mark.parametrize(
-    ("tolerance", "why"),
-    [
-        ("1°", "'°' does not fit parameter 'arm'"), ("-1 mm", "'arm': '-1 mm' is not a tolerance"),
-        ("1,5 mm", "'arm'"), ("1,5%", "Use a point"), ("±1,5%", "Use a point"),
-        ((1, "kg"), "'kg' does not fit"), (("1 mm", 2), "give both ends a unit, or neither end"), ((1, 2, "mmm"),
-            "'mmm' is not a"),
-        ((-1, "mm"), "at least 0"), ("-1%", "at least 0 % and"), (".1", "or a tolerance. Write '±.1'"),
-    ],
-)  # fmt: skip
-def test_tolerances_without_a_size_that_are_refused(tolerance, why):
-    with told_in_a_line(why):
-        mb.Box.plus_minus(mb.Parameters(arm=(235, "mm")), arm=tolerance)
-
-
 @pytest.mark.parametrize(("text", "unit"), [("1°", "°"), ("2 mm", "mm"), ("±1 N/mm", "N/mm"), ("1 N m/deg", "N m/deg")])
 def test_tolerances_with_a_unit_ask_for_that_of_the_parameter(text, unit):
     with told_in_a_line(re.escape(f"'rest' has no unit, but {text!r} has. Declare rest=(..., {unit!r}).")):
@@ -203,21 +186,22 @@ def test_tolerances_of_drawings_for_parameters_in_other_units(unit):
     [
         ("±0.1 kg", "'kg' does not fit parameter 'arm', which is in mm"), ("236 mm ±1 mm", "is 235 mm, which is"),
         ("235 H99", "'arm'"), ("235 mm ±1 kg", "does not fit the size of 'arm'"), ("235 mm ±0,1 mm", "Use a point"),
+        ("1°", "'°' does not fit parameter 'arm'"), ("-1 mm", "'arm': '-1 mm' is not a tolerance"),
+        ("1,5 mm", "'arm'"), ("1,5%", "Use a point"), ("±1,5%", "Use a point"), ((1, "kg"), "'kg' does not fit"),
+        (("1 mm", 2), "give both ends a unit, or neither end"), ((1, 2, "mmm"), "'mmm' is not a"),
+        ((-1, "mm"), "at least 0"), ("-1%", "at least 0 % and"), (".1", "or a tolerance. Write '±.1'"),
     ],
 )  # fmt: skip
 def test_tolerances_that_do_not_fit_are_refused(tolerance, why):
-    with told_in_a_line(why):
-        mb.Box.plus_minus(mb.Parameters(arm=(235, "mm")), arm=tolerance)
-    with told_in_a_line("has no unit, but|not a tolerance|'arm'"):
-        mb.Box.plus_minus(mb.Parameters(arm=0.235), arm=tolerance)
+    told(why, mb.Box.plus_minus, mb.Parameters(arm=(235, "mm")), arm=tolerance)
+    told("has no unit, but|not a tolerance|'arm'", mb.Box.plus_minus, mb.Parameters(arm=0.235), arm=tolerance)
 
 
 @pytest.mark.parametrize(
     "given", ["±1 mm", ("234", "236"), ("1 mm", 2), ("1 mm", "2 kg"), "wide", "10%", (1.0, 2.0, "N/mmm")]
 )
 def test_what_is_no_interval_is_refused(given):
-    with told_in_a_line("Box: "):
-        mb.Box(arm=given)
+    told("Box: ", mb.Box, arm=given)
 
 
 def test_tables_of_tolerances_in_units(tmp_path):
@@ -226,8 +210,7 @@ def test_tables_of_tolerances_in_units(tmp_path):
         "name,nominal,plus,minus,tolerance\narm,235,0.5 mm,0.01 cm,\nrate,2.5 N/mm,,,10%\nmass,800,,,±5 g\n"
     )
     p = mb.Parameters(arm=(235, "mm"), rate=(2500, "N/m"), mass=(0.8, "kg"))
-    with told_in_a_line("nominal value of 'mass' is 800 in the table, but 0.8 in the model"):
-        mb.Box.read(file, p)
+    told("nominal value of 'mass' is 800 in the table, but 0.8 in the model", mb.Box.read, file, p)
     file.write_text(file.read_text().replace("800", "0.8"))
     box = mb.Box.read(file, p)
     assert box.units == ("mm", "N/m", "kg")
@@ -266,3 +249,47 @@ def test_products_of_units_have_the_product_of_factors(seed):
     run = mb.simulate(mb.Scene(mb.System(parameters=p), outputs={"x": p.x, "y": p.y, "own": (p.x, text)}))
     assert run["x"][0] == pytest.approx(3 * factor, rel=1e-14) and run["y"][0] == pytest.approx(3 * factor, rel=1e-14)
     assert run["own"][0] == pytest.approx(3.0, rel=1e-15)
+
+
+P = mb.Parameters(x=2.0, k=3.0)
+GROUND = mb.Ground()
+ROD = mb.Body("rod", mass=2.0, inertia=0.1, pose=mb.Planar())
+BALL = mb.Body("ball", mass=1.0, pose=mb.Particle())
+TOP = mb.Body("top", mass=1.0, inertia=(0.1, 0.1, 0.2), pose=mb.Spatial())
+HINGE = mb.Revolute("hinge", GROUND.point(0, 0), ROD.point(-0.3, 0))
+BAR = mb.Distance("bar", GROUND.point(1, 0), BALL.point(0, 0), 0.7)
+SPIN = mb.Motion("spin", ROD.theta, 0.2 * mb.t)
+PIN = mb.Revolute("pin", GROUND.point(0, 0, 0), TOP.point(0, 0, -0.1), axis=(0, 0, 1))
+SYSTEM = mb.System(ROD, BALL, TOP, HINGE, BAR, SPIN, PIN, parameters=P)
+LAM = SYSTEM.lam
+
+REACTION = SYSTEM.reaction("hinge").fx
+UNITS = {
+    "rad": (ROD.theta, ROD.theta - P.k, ca.atan2(BALL.y, BALL.x), HINGE.angle, PIN.angle),
+    "rad/s": (-ROD.omega,),
+    "rad/s^2": (SYSTEM.ddt(ROD.omega),),
+    "m": (ROD.point(0.3, 0).x, ca.sqrt(BALL.x**2 + BALL.y**2), ca.fmax(BALL.x, 0.1), ca.if_else(BALL.x > 0, BALL.x, 0)),
+    "m^3": (BALL.x * BALL.y * BALL.z,),
+    "m/s": (ROD.point(0.3, 0).vy, ROD.omega * BALL.x),
+    "m/s^2": (BALL.vx / mb.t,),
+    "m^2/s^2": (BALL.vx**2,),
+    "N": (LAM("hinge")[0], REACTION),
+    "N m": (LAM("spin")[0],),
+    "W": (LAM("spin")[0] * ROD.omega,),
+    "s": (mb.t,),
+}
+KNOWN = [(expression, unit) for unit, expressions in UNITS.items() for expression in expressions]
+UNKNOWN = [1000 * BALL.x, 2 * BALL.x, BALL.x / BALL.y, BALL.x > 0, BALL.x + BALL.vx, BALL.x**3.7, 0.5 * BALL.vx**2]
+UNKNOWN += [P.x, P.k * BALL.x, 1 / mb.t * P.k, ca.SX(3.0), ca.sin(ROD.theta), ROD.theta * 180 / ca.pi]
+UNKNOWN += [REACTION * ca.cos(ROD.theta), ROD.omega * ca.cos(ROD.theta)]
+
+
+@pytest.mark.parametrize("expression, unit", [*KNOWN, *((e, "") for e in UNKNOWN)], ids=lambda value: str(value)[:30])
+def test_units_that_follow_and_blank_where_nothing_is_known(expression, unit):
+    assert units_of(SYSTEM, ca.SX(expression)) == (unit,)
+
+
+def test_all_outputs_of_a_scene_together():
+    outputs = {str(i): expression for i, (expression, _) in enumerate(KNOWN)}
+    scene = mb.Scene(SYSTEM, outputs=outputs, start={"ball.x": 0.3, "ball.y": 0.0, "ball.z": 0.1})
+    assert units_of(scene.system, scene.y) == tuple(unit for _, unit in KNOWN)

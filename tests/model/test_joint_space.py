@@ -1,11 +1,9 @@
-"""The equations in coordinates of joints against textbooks, and against those in coordinates of bodies."""
+"""The equations in coordinates of joints, against those in coordinates of bodies, Pinocchio and MuJoCo."""
 
 import casadi as ca
 import numpy as np
 import pytest
-import sympy
 from conftest import SMOOTH_MODELS, but_long
-from mechanisms import double_pendulum
 from numpy.testing import assert_allclose
 
 import symmb as mb
@@ -35,10 +33,8 @@ def tree(seed, planar, uncertain_axes=False):
     elements, points = [mb.Gravity(0.3, -9.0, *([] if planar else [0.7]))], [GROUND.point(0.1, 0.2)]
     for k in range(rng.integers(2, 8)):
         com = rng.normal(size=2 if planar else 3) * 0.1
-        if planar:
-            body = mb.Body(f"b{k}", p.m * (1 + k), 0.2 + 0.1 * k, mb.Planar(), com=(*com, 0))
-        else:
-            body = mb.Body(f"b{k}", p.m * (1 + k), (0.3, 0.25 + 0.1 * p.l, 0.2), mb.Spatial(), com=tuple(com))
+        inertia, pose = (0.2 + 0.1 * k, mb.Planar()) if planar else ((0.3, 0.25 + 0.1 * p.l, 0.2), mb.Spatial())
+        body = mb.Body(f"b{k}", p.m * (1 + k), inertia, pose, com=tuple(com))
 
         def point(body=body):
             return body.point(*(x * p.l for x in rng.normal(size=2 if planar else 3)))
@@ -137,28 +133,6 @@ def test_rotors_that_turn_with_joints_move_as_in_coordinates_of_bodies(seed):
     assert_allclose(a_b, expected, rtol=0, atol=1e-10 * np.abs(expected).max())
 
 
-def test_the_double_pendulum_is_the_textbook_s():
-    """Lagrange's equations of two rods in their relative angles."""
-    parts = double_pendulum().system.joint_space().to_sympy("M", "Q")
-    names = ("l1", "l2", "shoulder_angle", "elbow_angle", "shoulder_angle_rate", "elbow_angle_rate")
-    symbols = {s.name.replace(".", "_"): s for e in parts.values() for s in e.free_symbols}
-    l1, l2, a, b, wa, wb = (symbols[name] for name in names)
-    g, half = sympy.Float(9.81), sympy.Rational(1, 2)
-    heights = -l1 / 2 * sympy.cos(a), -l1 * sympy.cos(a) - l2 / 2 * sympy.cos(a + b)
-    places = (l1 / 2 * sympy.sin(a), heights[0]), (l1 * sympy.sin(a) + l2 / 2 * sympy.sin(a + b), heights[1])
-    q, v = (a, b), (wa, wb)
-    spins, masses, inertias = (wa, wa + wb), (l1, l2), (l1**3 / 12, l2**3 / 12)
-    T = sum(
-        half * m * sum(sum(x.diff(c) * w for c, w in zip(q, v, strict=True)) ** 2 for x in place) + half * J * w**2
-        for m, J, place, w in zip(masses, inertias, places, spins, strict=True)
-    )
-    V = sum(m * g * y for m, y in zip(masses, heights, strict=True))
-    M = sympy.Matrix(2, 2, lambda i, j: T.diff(v[i], v[j]))
-    Q = [T.diff(q[i]) - V.diff(q[i]) - sum(T.diff(v[i], q[j]) * v[j] for j in range(2)) for i in range(2)]
-    assert (parts["M"] - M).applyfunc(sympy.simplify) == sympy.zeros(2, 2)
-    assert sympy.simplify(sympy.nsimplify(parts["Q"] - sympy.Matrix(Q), rational=True)) == sympy.zeros(2, 1)
-
-
 @pytest.mark.parametrize("model", SMOOTH_MODELS, ids=lambda m: getattr(m, "__name__", str(m)))
 def test_models_move_as_their_bodies_do(model):
     scene = model.scene() if hasattr(model, "scene") else model()
@@ -176,3 +150,81 @@ def test_models_move_as_their_bodies_do(model):
     assert_allclose(np.abs(q_b), np.abs(x["q"]), rtol=0, atol=1e-10 * np.abs(q_b).max())
     assert_allclose(v_b, x["v"], rtol=0, atol=1e-10 * max(1e-3, np.abs(v_b).max()))
     assert_allclose(a_b, expected, rtol=0, atol=1e-9 * max(1.0, np.abs(expected).max()))
+
+
+AXES = ((0, 0, 1), (1, 0, 0), (0, 1, 0))
+CARRIERS = {"arm of 6": [*range(-1, 5)], "arm of 20": [*range(-1, 19)], "tree of 30": [(k - 1) // 2 for k in range(30)]}
+
+
+def links(carriers):
+    """For each link its carrier, hinge on the carrier, axis, mass, centre of mass from the hinge, and inertia."""
+    rng = np.random.default_rng(7)
+    for k, carrier in enumerate(carriers):
+        hinge = rng.normal(size=3) * (carrier >= 0)
+        yield carrier, hinge, AXES[k % 3], 1 + rng.random(), rng.normal(size=3), 0.1 + 0.05 * rng.random(3)
+
+
+def accelerations(carriers, q, v):
+    """By symmb."""
+    bodies, elements = [], [mb.Gravity(0, 0, -9.81)]
+    for k, (carrier, hinge, axis, mass, com, inertia) in enumerate(links(carriers)):
+        body = mb.Body(f"b{k}", mass, tuple(inertia), mb.Spatial(), com=tuple(com))
+        on = GROUND.point(0, 0) if carrier < 0 else bodies[carrier].point(*hinge)
+        elements += [body, mb.Revolute(f"j{k}", on, body.point(0, 0, 0), axis=axis)]
+        bodies.append(body)
+    system = mb.System(*elements).joint_space()
+    order = [int(name[1 : name.index(".")]) for name in system.collected.q_names]
+    found = np.empty(len(q))
+    found[order] = mb.compile_dae(system).rhs(q[order], v[order], [], 0.0)[1].full().ravel()
+    return found
+
+
+def agrees(carriers, peer):
+    """Accelerations are those of a peer at random states."""
+    rng = np.random.default_rng(1)
+    for _ in range(3):
+        q, v = rng.normal(size=(2, len(carriers)))
+        expected = peer(q, v)
+        assert_allclose(accelerations(carriers, q, v), expected, rtol=0, atol=1e-10 * np.abs(expected).max())
+
+
+@pytest.fixture(params=CARRIERS)
+def carriers(request):
+    return CARRIERS[request.param]
+
+
+def test_pinocchio_s_articulated_bodies(carriers):
+    pin = pytest.importorskip("pinocchio")
+    model, joints = pin.Model(), []
+    for carrier, hinge, axis, mass, com, inertia in links(carriers):
+        turn, on = pin.JointModelRevoluteUnaligned(np.array(axis, float)), joints[carrier] if carrier >= 0 else 0
+        joints.append(model.addJoint(on, turn, pin.SE3(np.eye(3), hinge), ""))
+        model.appendBodyToJoint(joints[-1], pin.Inertia(mass, com, np.diag(inertia)), pin.SE3.Identity())
+    at = [model.joints[j].idx_q for j in joints]
+
+    def aba(q, v):
+        q, v = (x[np.argsort(at)] for x in (q, v))
+        return pin.aba(model, model.createData(), q, v, np.zeros(len(q)))[at]
+
+    agrees(carriers, aba)
+
+
+def test_mujoco_s_accelerations(carriers):
+    mujoco = pytest.importorskip("mujoco")
+    spec = mujoco.MjSpec()
+    bodies = []
+    for k, (carrier, hinge, axis, mass, com, inertia) in enumerate(links(carriers)):
+        on = bodies[carrier] if carrier >= 0 else spec.worldbody
+        body = on.add_body(name=f"b{k}", pos=hinge, mass=mass, ipos=com, inertia=inertia, explicitinertial=True)
+        body.add_joint(name=f"j{k}", axis=axis)
+        bodies.append(body)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    at = [model.joint(f"j{k}").qposadr[0] for k in range(len(carriers))]
+
+    def forward(q, v):
+        data.qpos[at], data.qvel[at] = q, v
+        mujoco.mj_forward(model, data)
+        return data.qacc[at]
+
+    agrees(carriers, forward)

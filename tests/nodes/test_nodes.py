@@ -48,9 +48,6 @@ def test_nodes_and_weights_are_chaospy_s(rule, name, order):
     np.testing.assert_allclose(w, their_weights, atol=1e-14)
 
 
-# -- Leja --------------------------------------------------------------------------------------------------
-
-
 def test_leja_pairs_are_as_far_from_all_others_as_they_can_be():
     nodes = Leja().line(30)[0]
     grid = np.linspace(1e-4, 1, 20001)

@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from faults import refused
+from machines import spring_mass
 from matplotlib import rcParams
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
@@ -15,16 +16,11 @@ from symmb.results import plot
 from symmb.results.plot.colours import RUN_COLOUR
 from symmb.study.stability import Stability
 
-BALL = mb.Body("ball", mass=1.0, pose=mb.Particle())
-P = mb.Parameters(stiffness=40.0)
-SCENE = mb.Scene(
-    mb.System(BALL, mb.Spring("spring", mb.Ground().point(0, 0), BALL.point(0, 0), P.stiffness), parameters=P),
-    start={"ball.x": 0.1, "ball.y": 0.0, "ball.z": 0.0, "ball.vy": 1.0},
-    times=np.linspace(0.0, 1.0, 6),
-    outputs={"x": BALL.x, "vy": BALL.vy, "force": P.stiffness * BALL.x},
-    box=mb.Box(stiffness=(36.0, 44.0)),
-)
-RESTING = mb.Scene(SCENE.system, outputs={"x": BALL.x})
+SPRUNG = spring_mass(stiffness=40.0)
+BALL, START, BOX = SPRUNG.ball, {"ball.x": 0.1, "ball.vy": 1.0}, mb.Box(stiffness=(36.0, 44.0))
+OUTPUTS = {"x": BALL.x, "vy": BALL.vy, "force": SPRUNG.p.stiffness * BALL.x}
+SCENE = SPRUNG.scene(OUTPUTS, np.linspace(0.0, 1.0, 6), START, box=BOX)
+RESTING = mb.Scene(SPRUNG.system, outputs={"x": BALL.x})
 
 
 @cache
@@ -54,13 +50,19 @@ def colours(axes):
     return {to_hex(line.get_color()) for line in axes.lines}
 
 
+def legend_of(owner):
+    """Texts of the legend of axes, or of the first one of a figure."""
+    legend = owner.legends[0] if isinstance(owner, Figure) else owner.get_legend()
+    return [text.get_text() for text in legend.get_texts()]
+
+
+def looks(*all_axes):
+    return [[axes.get_position().bounds for axes in all_axes], all_axes[-1].get_xlim(), all_axes[-1].get_ylim()]
+
+
 @RESULTS
-def test_no_path_is_needed_and_a_figure_comes_back(result):
+def test_no_path_is_needed_and_a_figure_comes_back(result, tmp_path):
     assert isinstance(result.plot(), Figure)
-
-
-@RESULTS
-def test_a_path_still_saves(result, tmp_path):
     result.plot(tmp_path / "p.png")
     assert (tmp_path / "p.png").stat().st_size > 1000
 
@@ -77,14 +79,10 @@ def test_given_axes_are_used_and_others_left_alone(result):
     figure = Figure()
     left, right = figure.subplots(1, 2)
     right.plot([1, 2], [3, 4])
-    before = [left.get_position().bounds, right.get_position().bounds, right.get_xlim(), right.get_ylim()]
-    assert result.plot(outputs="x", ax=left) is figure
-    after = [left.get_position().bounds, right.get_position().bounds, right.get_xlim(), right.get_ylim()]
-    assert before == after
-    assert len(right.lines) == 1 and len(figure.axes) == 2
-    assert len(left.lines) >= 1
-    assert left.get_ylabel() == "x [m]"
-    assert left.get_xlabel() == "time [s]"
+    before = looks(left, right)
+    assert result.plot(outputs="x", ax=left) is figure and looks(left, right) == before
+    assert len(right.lines) == 1 and len(figure.axes) == 2 and len(left.lines) >= 1
+    assert (left.get_xlabel(), left.get_ylabel()) == ("time [s]", "x [m]")
     assert not right.get_xlabel() and figure.get_suptitle() == ""
 
 
@@ -109,24 +107,29 @@ def test_the_errors_of_a_comparison_in_one_axes():
     assert axes.get_yscale() == "log" and "[s]" in axes.get_xlabel()
 
 
-@pytest.mark.parametrize("result", [some_bounds, a_comparison], indirect=True)
-def test_too_few_axes_are_refused(result):
-    refused(r"2 outputs .* need 2 axes", result.plot, outputs=["x", "vy"], ax=Figure().subplots())
-
-
 @RESULTS
-def test_what_are_no_axes_is_refused(result):
+def test_malformed_axes_outputs_and_sizes_are_refused(result):
     for ax in (3, np.ones(3), np.broadcast_to(np.array(None), 10**9)):
         refused("ax must be matplotlib Axes", result.plot, ax=ax)
+    for outputs in (3, {"x": 1}, [3], ["z"]):
+        refused("outputs must be a name|no output", result.plot, outputs=outputs)
+    refused(r"no output 'forse'.*'force'", result.plot, outputs="forse")
+    refused("figsize is for new figures", result.plot, outputs="x", ax=Figure().subplots(), figsize=(4, 3))
+    if not isinstance(result, mb.Trajectory):
+        refused(r"2 outputs .* need 2 axes", result.plot, outputs=["x", "vy"], ax=Figure().subplots())
 
 
-def test_limits_and_fits_in_given_axes():
+def test_limits_fits_and_stability_in_given_axes():
     figure = Figure()
     first, second = figure.subplots(1, 2)
     assert some_bounds().check({"x": (None, 1.0)}).plot(ax=second) is figure
     assert not first.lines and second.lines[-1].get_ydata() == [1.0, 1.0]
     assert EVERY_PICTURE["Calibration"]().plot(ax=first) is figure
-    assert [text.get_text() for text in first.get_legend().get_texts()] == ["data", "fitted run"]
+    assert legend_of(first) == ["data", "fitted run"]
+    study = EVERY_PICTURE["Stability"]()
+    first, second = figure.subplots(1, 2)
+    assert study.plot(ax=first) is figure and not second.get_xlabel()
+    assert isinstance(study.plot(), Figure)
 
 
 @pytest.mark.parametrize("name", ["LimitCheck", "Calibration"])
@@ -156,27 +159,11 @@ def test_all_methods_and_solvers_differ(of):
     assert len({plot.colour_of(name) for name in families}) == len(families) > 5
 
 
-def test_stability_in_given_axes():
-    study = Stability("scene", np.array([0.0, 1.0]), (), (), {}, np.nan, {}, "advice")
-    figure = Figure()
-    first, second = figure.subplots(1, 2)
-    assert study.plot(ax=first) is figure
-    assert not second.get_xlabel()
-    assert isinstance(study.plot(), Figure)
-
-
 def test_figures_show_themselves_and_can_be_pickled():
     figure = a_run().plot()
     data, size = figure._repr_png_()
     assert data.startswith(b"\x89PNG") and size["width"] == 800
     assert pickle.loads(pickle.dumps(figure))._repr_png_()[0].startswith(b"\x89PNG")
-
-
-@pytest.mark.parametrize("outputs", [3, {"x": 1}, [3], ["z"], "forse"])
-@RESULTS
-def test_malformed_outputs_are_refused(result, outputs):
-    told = r"no output 'forse'.*'force'" if outputs == "forse" else r"outputs must be a name|no output"
-    refused(told, result.plot, outputs=outputs)
 
 
 EVERY_PICTURE = {
@@ -207,23 +194,22 @@ def test_size_and_title_of_every_picture(pictured, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"figsize": 3}, {"figsize": (0, 1)}, {"figsize": (8, 1e6)}, {"figsize": ("a", 1)}, {"title": 3}]
-)
-def test_wrong_sizes_and_titles_are_refused(pictured, wrong):
+    "wrong",
+    [
+        {"figsize": 3}, {"figsize": (0, 1)}, {"figsize": (8, 1e6)}, {"figsize": ("a", 1)}, {"title": 3}, {"label": 3},
+        {"label": ["a"] * 9}, {"color": "reddish"}, {"color": ["r"] * 9}, {"legend": "no"},
+    ],
+)  # fmt: skip
+def test_wrong_sizes_titles_labels_colours_and_legends_are_refused(pictured, wrong):
     owner, result = pictured
     refused(rf"^{owner}\.plot: {next(iter(wrong))} must be [^\n]*$", result.plot, **wrong)
-
-
-@RESULTS
-def test_a_size_does_not_go_with_given_axes(result):
-    refused("figsize is for new figures", result.plot, outputs="x", ax=Figure().subplots(), figsize=(4, 3))
 
 
 def test_the_nominal_run_is_drawn_beside_its_bounds():
     figure = some_bounds().plot(outputs="x")
     line = {line.get_label(): line for line in figure.axes[0].lines}["nominal run"]
     np.testing.assert_allclose(line.get_ydata(), a_run()["x"], atol=1e-9)
-    assert "nominal run" in [text.get_text() for text in figure.legends[0].get_texts()]
+    assert "nominal run" in legend_of(figure)
 
 
 def test_deviations_from_the_nominal_run():
@@ -252,17 +238,10 @@ def test_labels_colours_and_legends_of_every_picture(pictured):
         assert any("mine $" in axes.get_legend_handles_labels()[1] for axes in figure.axes)
 
 
-@pytest.mark.parametrize(
-    "wrong", [{"label": 3}, {"label": ["a"] * 9}, {"color": "reddish"}, {"color": ["r"] * 9}, {"legend": "no"}]
-)
-def test_labels_colours_and_legends_that_are_none_are_refused(pictured, wrong):
-    refused(f"plot: {next(iter(wrong))} must be", pictured[1].plot, **wrong)
-
-
 def test_labels_and_colours_of_each_curve():
     axes = Figure().subplots()
     EVERY_PICTURE["Sweep"]().plot(outputs="x", ax=axes, label=["soft", "hard"], color=["r", (0.0, 0.5, 0.0)])
-    assert [text.get_text() for text in axes.get_legend().get_texts()] == ["soft", "hard"]
+    assert legend_of(axes) == ["soft", "hard"]
     assert [to_hex(line.get_color()) for line in axes.lines] == ["#ff0000", "#008000"]
 
 
@@ -270,9 +249,8 @@ def test_labels_and_colours_of_each_curve():
 def test_a_legend_stays_inside_the_axes_of_the_caller(size):
     figure = Figure(figsize=size)
     first, second, third = figure.subplots(1, 3)
-    a_comparison().plot(outputs="x", ax=first)
-    some_bounds().plot(outputs="x", ax=second)
-    a_run().plot(outputs="x", ax=third)
+    for result, axes in zip((a_comparison(), some_bounds(), a_run()), figure.axes, strict=True):
+        result.plot(outputs="x", ax=axes)
     figure.draw_without_rendering()
     assert third.get_legend() is None  # there is one line
     for axes in (first, second):
@@ -285,7 +263,7 @@ def test_a_legend_stays_inside_the_axes_of_the_caller(size):
 def test_a_legend_of_one_line_or_none_is_asked_for():
     axes, other = Figure().subplots(1, 2)
     a_run().plot(outputs="x", ax=axes, legend=True)
-    assert [text.get_text() for text in axes.get_legend().get_texts()] == ["x"]
+    assert legend_of(axes) == ["x"]
     some_bounds().plot(outputs="x", ax=other, legend=False)
     assert other.get_legend() is None
     assert a_run().plot(legend=True).legends and not a_run().plot().legends
@@ -328,12 +306,8 @@ def test_lines_of_contributions_are_the_widths_of_each_parameter():
 
 
 def test_scalar_outputs_have_no_time_axis():
-    p = mb.Parameters(k=4.0)
-    bob = mb.Body("bob", 1.0, pose=mb.Particle())
-    spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), p.k)
-    outputs = {"x": bob.x, "v": bob.vx, "peak": mb.maximum(bob.vx), "low": mb.minimum(bob.vx)}
-    system = mb.System(bob, spring, parameters=p)
-    scene = mb.Scene(system, {"bob.x": 1.0}, np.linspace(0, 3, 31), outputs, mb.Box(k=(3.9, 4.1)))
+    outputs = {"x": BALL.x, "v": BALL.vx, "peak": mb.maximum(BALL.vx), "low": mb.minimum(BALL.vx)}
+    scene = SPRUNG.scene(outputs, np.linspace(0, 3, 31), {"ball.x": 1.0}, box=BOX)
     bounds = mb.propagate(scene)
     for figure in (mb.simulate(scene).plot(), bounds.plot(), bounds.contributions().plot()):
         x, v, *scalars = [axes for axes in figure.axes if axes.get_visible()]

@@ -12,27 +12,28 @@ T = np.linspace(0.0, 1.0, 5)
 
 
 def curve(label, n_y=1, excess=0.1, error=0.1, runs=9, seconds=0.1):
-    return plot.PlottedBounds(
-        family=plot.family(label),
-        label=label,
-        kind="estimate",
-        lower=np.full((5, n_y), -excess),
-        upper=np.full((5, n_y), 1.0 + excess),
-        error=np.broadcast_to(error, n_y),
-        evaluations=runs,
-        seconds=seconds,
-    )
+    ends = np.full((5, n_y), -excess), np.full((5, n_y), 1.0 + excess)
+    error = np.broadcast_to(error, n_y)
+    return plot.PlottedBounds(plot.family(label), label, "estimate", *ends, error, runs, seconds)
 
 
-def draw(curves, n_y=1, measured=None, uncertainty=0.0, **more):
-    reference = plot.Band("reference: best", np.zeros((5, n_y)), np.ones((5, n_y)))
+def draw(curves, n_y=1, measured=None, uncertainty=0.0, band=None, **more):
+    band = plot.Band("reference: best", np.zeros((5, n_y)), np.ones((5, n_y))) if band is None else band
     names, measured = [f"y{i}" for i in range(n_y)], np.ones(n_y, dtype=bool) if measured is None else measured
-    uncertainty = np.full(n_y, uncertainty)
-    return plot.plot_comparison(T, names, reference, curves, measured=measured, uncertainty=uncertainty, **more)
+    own = {"measured": measured, "uncertainty": np.full(n_y, uncertainty)}
+    return plot.plot_comparison(T, names, band, curves, **own, **more)
 
 
 def error_axes(figure):
     return figure.axes[-1]
+
+
+def titles(figure):
+    return [axes.get_title(loc="left") for axes in figure.axes if axes.get_visible()]
+
+
+def legend_of(owner):
+    return [text.get_text() for text in owner.get_texts()]
 
 
 @pytest.mark.parametrize(
@@ -58,17 +59,13 @@ def test_the_most_accurate_setting_stands_for_its_family():
 def test_six_panels_at_most_and_the_hardest_outputs_in_them():
     error = np.linspace(0.8, 0.1, 8)
     figure = draw([curve("Scanning(3)", n_y=8, error=error)], n_y=8, measured=np.arange(8) != 1, title="crane")
-    assert [axes.get_title(loc="left") for axes in figure.axes[:-1]] == ["y0", "y2", "y3", "y4", "y5", "y6"]
+    assert titles(figure)[:-1] == ["y0", "y2", "y3", "y4", "y5", "y6"]
 
 
-def test_wild_bounds_do_not_squash_the_reference():
-    bottom, top = draw([curve("Taylor(order=2)", excess=1e6)]).axes[0].get_ylim()
-    assert -1.0 < bottom < 0.0 and 1.0 < top < 2.0
-
-
-def test_bounds_near_the_reference_are_wholly_shown():
-    bottom, top = draw([curve("Taylor(order=2)", excess=0.2)]).axes[0].get_ylim()
-    assert bottom < -0.2 and top > 1.2
+@pytest.mark.parametrize(("excess", "least", "most"), [(1e6, 0.0, 1.0), (0.2, 0.2, 1.0)])
+def test_wild_bounds_do_not_squash_the_reference_and_those_near_it_are_wholly_shown(excess, least, most):
+    bottom, top = draw([curve("Taylor(order=2)", excess=excess)]).axes[0].get_ylim()
+    assert -most < bottom < -least and 1.0 + least < top < 1.0 + most
 
 
 def test_one_log_log_curve_a_family_with_its_runs():
@@ -80,7 +77,7 @@ def test_one_log_log_curve_a_family_with_its_runs():
     np.testing.assert_allclose(x, [0.03, 0.06, 0.21])
     np.testing.assert_allclose(y, [1 / 3, 1 / 6, 1 / 21])
     assert sorted(text.get_text() for text in axes.texts) == ["21", "3", "6", "77"]
-    assert [text.get_text() for text in axes.get_legend().get_texts()] == ["Scanning", "Taylor"]
+    assert legend_of(axes.get_legend()) == ["Scanning", "Taylor"]
 
 
 @pytest.mark.parametrize(("error", "uncertainty", "drawn"), [(1e-6, 1e-3, 1e-3), (0.0, 0.0, 1e-16)])
@@ -101,19 +98,17 @@ def test_numbers_keep_clear_of_each_other():
 
 def test_endless_errors_are_left_out_of_the_diagram_only():
     figure = draw([curve("Scanning(3)"), curve("Taylor(order=2)", error=np.inf)])
-    assert [text.get_text() for text in error_axes(figure).get_legend().get_texts()] == ["Scanning"]
+    assert legend_of(error_axes(figure).get_legend()) == ["Scanning"]
     assert "Taylor(order=2), estimate" in figure.axes[0].get_legend_handles_labels()[1]
+    nothing = draw([curve("Scanning(3)", error=0.0)], measured=np.zeros(1, dtype=bool))  # to measure
+    nothing.draw_without_rendering()
 
 
 @pytest.mark.parametrize("n", [1, 2, 5])
 def test_outputs_without_a_time_are_bars_side_by_side(n):
-    values = np.stack([np.cos(T), np.full(5, 0.3)], axis=1)
-    curves = [
-        plot.PlottedBounds(f"A{k}", f"A{k}()", "estimate", values - k, values + k, np.ones(2), 9, 0.1) for k in range(n)
-    ]
-    band = plot.Band("reference", values - 1, values + 1)
-    figure = plot.plot_comparison(T, "ab", band, curves, measured=np.ones(2, bool), uncertainty=np.zeros(2))
-    over_time, bars = figure.axes[:2]
+    values, more = np.stack([np.cos(T), np.full(5, 0.3)], axis=1), (np.ones(2), 9, 0.1)
+    curves = [plot.PlottedBounds(f"A{k}", f"A{k}()", "estimate", values - k, values + k, *more) for k in range(n)]
+    over_time, bars = draw(curves, 2, band=plot.Band("reference", values - 1, values + 1)).axes[:2]
     assert over_time.xaxis.get_visible() and not bars.xaxis.get_visible()
     ends = np.array([line.get_xdata()[[0, -1]] for line in bars.lines]).reshape(n, 2, 2)
     assert (ends[:, 0] == ends[:, 1]).all()  # both lines of a bar
@@ -122,15 +117,11 @@ def test_outputs_without_a_time_are_bars_side_by_side(n):
     assert [line.get_ydata()[0] for line in bars.lines] == pytest.approx(edges)
 
 
-def test_nothing_to_measure_still_draws():
-    draw([curve("Scanning(3)", error=0.0)], measured=np.zeros(1, dtype=bool)).draw_without_rendering()
-
-
 def test_a_trajectory_has_one_panel_an_output(tmp_path):
-    values = np.stack([T, T**2, T**3, T**4, T**5], axis=1)
-    figure = plot.save(plot.plot_trajectory(T, values, list("abcde"), title="crane"), tmp_path / "t.png")
+    own = plot.plot_trajectory(T, T[:, None] ** np.arange(1, 6), list("abcde"), title="crane")
+    figure = plot.save(own, tmp_path / "t.png")
     shown = [axes for axes in figure.axes if axes.get_visible()]
-    assert [axes.get_title(loc="left") for axes in shown] == list("abcde")
+    assert titles(figure) == list("abcde")
     np.testing.assert_array_equal(shown[2].lines[0].get_ydata(), T**3)
     assert {axes.get_xlabel() for axes in shown[2:]} == {"time [s]"}  # those with nothing below them
     assert (tmp_path / "t.png").stat().st_size > 1000
@@ -139,16 +130,14 @@ def test_a_trajectory_has_one_panel_an_output(tmp_path):
 def test_bounds_of_the_first_six_outputs():
     lower = np.zeros((5, 8))
     figure = plot.plot_bounds(T, [f"y{i}" for i in range(8)], plot.Band("Vertex(), sampled", lower, lower + 1.0))
-    assert [axes.get_title(loc="left") for axes in figure.axes] == [f"y{i}" for i in range(6)]
-    assert figure.get_suptitle() == "the first 6 of 8 outputs"
-    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["Vertex(), sampled"]
+    assert titles(figure) == [f"y{i}" for i in range(6)] and figure.get_suptitle() == "the first 6 of 8 outputs"
+    assert legend_of(figure.legends[0]) == ["Vertex(), sampled"]
 
 
 def test_a_single_time_is_a_stretch():
     axes = plot.plot_trajectory(np.array([2.0]), np.array([[7.0]]), ["a"]).axes[0]
     np.testing.assert_array_equal(axes.lines[0].get_ydata(), [7.0, 7.0])
-    assert axes.get_xlim() == (1.5, 2.5)
-    assert list(axes.get_xticks()) == [2.0]
+    assert axes.get_xlim() == (1.5, 2.5) and list(axes.get_xticks()) == [2.0]
 
 
 NOISE = np.array([0.0, 1e-17, -1e-17, 1e-17, 0.0])
@@ -171,21 +160,12 @@ def test_rounding_looks_flat(name):
     noise, unit, is_flat = ROUNDED[name]
     values, units = np.stack([noise, 10.0 * T], axis=1), [unit, "N"]
     band = plot.Band("reference: best", values - 1e-18, values + 1e-18)
-    figures = [
+    own = plot.PlottedBounds("A", "A()", "estimate", band.lower, band.upper, np.zeros(2), 9, 0.1)
+    for figure in (
         plot.plot_trajectory(T, values, "ab", units=units),
         plot.plot_family(T, np.stack([values, values]), "ab", ["first", "last"], units=units),
-        plot.plot_bounds(T, "ab", band, units=units),
-        plot.plot_comparison(
-            T,
-            "ab",
-            band,
-            [plot.PlottedBounds("A", "A()", "estimate", band.lower, band.upper, np.zeros(2), 9, 0.1)],
-            measured=np.ones(2, dtype=bool),
-            uncertainty=np.zeros(2),
-            units=units,
-        ),
-    ]
-    for figure in figures:
+        plot.plot_bounds(T, "ab", band, units=units), draw([own], 2, band=band, units=units),
+    ):  # fmt: skip
         share = share_of_the_height(figure.axes[0])
         assert share < 0.02 if is_flat else share > 0.5
         assert "about 0" not in name or "motion" in name or np.ptp(figure.axes[0].get_ylim()) > 0.1
@@ -202,8 +182,7 @@ def test_pyplot_is_not_touched(tmp_path):
 
 
 def test_lines_of_many_parameters_differ_in_colour_or_dashes():
-    names, alone = [f"p{k}" for k in range(20)], np.ones((2, 1, 20))
-    width = np.full((2, 1), 20.0)
+    names, width, alone = [f"p{k}" for k in range(20)], np.full((2, 1), 20.0), np.ones((2, 1, 20))
     figure = plot.plot_contributions(np.array([0.0, 1.0]), ["y"], names, width, alone, alone)
     lines = figure.axes[0].lines
     assert len({(line.get_color(), str(line._dash_pattern)) for line in lines}) == len(lines) == 21
@@ -212,12 +191,11 @@ def test_lines_of_many_parameters_differ_in_colour_or_dashes():
 
 def test_legends_tell_of_curves_that_can_be_seen():
     """Of two outputs between 0 and 1, the second may be off by 0.1, and runs attain all but a thousandth of both."""
-    lower, upper = np.zeros((5, 2)), np.ones((5, 2))
-    error = np.array([0.0, 0.1])
+    lower, upper, error = np.zeros((5, 2)), np.ones((5, 2)), np.array([0.0, 0.1])
     band = plot.Band("band", lower, upper)
     given = {"outer": (lower - error, upper + error), "inner": (lower + 1e-3, upper - 1e-3)}
     figure = plot.plot_bounds(T, ["y0", "y1"], band, **given)
-    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["band", "widened by the estimated error"]
+    assert legend_of(figure.legends[0]) == ["band", "widened by the estimated error"]
     assert [len(axes.lines) for axes in figure.axes] == [6, 6]
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from conftest import ALL_BASES
 
-from symmb import DeclarationError, HyperbolicCross, TotalDegree
+from symmb import HyperbolicCross, TotalDegree
 
 
 def rows(alpha):
@@ -50,9 +50,3 @@ def test_sizes_of_many_parameters_are_counted_without_indices():
 
 def test_hyperbolic_cross_of_one_is_the_total_degree():
     np.testing.assert_array_equal(HyperbolicCross(1.0).indices(4, 3), TotalDegree().indices(4, 3))
-
-
-@pytest.mark.parametrize("q", [0, -0.5, 1.5, float("nan")])
-def test_hyperbolic_cross_out_of_range(q):
-    with pytest.raises(DeclarationError, match="HyperbolicCross: q must be a number above 0 and at most 1, got"):
-        HyperbolicCross(q)

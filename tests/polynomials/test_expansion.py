@@ -3,32 +3,27 @@
 import chaospy
 import numpy as np
 import pytest
+from black_boxes import black_box_bounds
+from faults import refused
 from oscillators import BOX, TIMES, Wave
+from textbook_functions import ishigami
 from unit_functions import unit_function
 
 import symmb as mb
 
 
-def ishigami_bounds(method, a=7.0, b=0.1):
-    """sin x1 + a sin^2 x2 + b x3^4 sin x1 over [-pi, pi]^3, and -2 times that plus 5."""
-
-    def f(x1, x2, x3):
-        y = np.sin(x1) + a * np.sin(x2) ** 2 + b * x3**4 * np.sin(x1)
-        return [[y, 5 - 2 * y]]
-
-    simulator = mb.FunctionSimulator(f, {"x1": 0.0, "x2": 0.0, "x3": 0.0}, [0.0], ["y", "z"])
-    return mb.propagate(simulator, method, mb.Box(**dict.fromkeys(("x1", "x2", "x3"), (-np.pi, np.pi))))
-
-
 @pytest.mark.parametrize("nodes, error", [(mb.Gauss(), 1e-6), (mb.ClenshawCurtis(), 1e-5), (mb.Leja(), 2e-5)], ids=repr)
 def test_ishigami(nodes, error):
-    """Sobol' and Levitan (1999): variances of the parts of the function of Ishigami and Homma (1990)."""
+    """Sobol' and Levitan (1999): variances of the parts of sin x1 + a sin^2 x2 + b x3^4 sin x1 over [-pi, pi]^3.
+
+    Ishigami and Homma (1990). The second output is -2 times this function plus 5.
+    """
     a, b = 7.0, 0.1
-    alone1 = 0.5 * (1 + b * np.pi**4 / 5) ** 2
-    alone2 = a**2 / 8
-    with3 = 8 * b**2 * np.pi**8 / 225
+    alone1, alone2, with3 = 0.5 * (1 + b * np.pi**4 / 5) ** 2, a**2 / 8, 8 * b**2 * np.pi**8 / 225
     variance = alone1 + alone2 + with3
-    found = ishigami_bounds(mb.PolynomialChaos(order=12, nodes=nodes)).moments()
+    both = lambda **x: [ishigami(**x), 5 - 2 * ishigami(**x)]  # noqa: E731
+    method, box = mb.PolynomialChaos(order=12, nodes=nodes), dict.fromkeys(("x1", "x2", "x3"), (-np.pi, np.pi))
+    found = black_box_bounds(both, method, outputs="y z", **box).moments()
     np.testing.assert_allclose(found.mean[0], [a / 2, 5 - a], rtol=error)
     np.testing.assert_allclose(found.variance[0], [variance, 4 * variance], rtol=error)
     for k in range(2):
@@ -75,12 +70,9 @@ def test_moments_are_chaospy_s(d, order):
 
 
 def test_no_variance_no_indices():
-    def f(x, y):
-        return [[2.0, 0.0, x / 3 * 3 - x + 5, x + 1e3, y], [2.0, 1.0, 5.0, 1e-9 * x, 0.0]]
-
-    simulator = mb.FunctionSimulator(f, {"x": 0.0, "y": 0.0}, [0.0, 1.0], ["two", "step", "five", "falls", "y"])
+    f = lambda x, y: [[2.0, 0.0, x / 3 * 3 - x + 5, x + 1e3, y], [2.0, 1.0, 5.0, 1e-9 * x, 0.0]]  # noqa: E731
     for method in (mb.PolynomialChaos(order=4), mb.PolynomialChaos.paper(order=3, nodes=mb.SparseGrid())):
-        found = mb.propagate(simulator, method, mb.Box(x=(0.1, 0.7), y=(0, 1))).moments()
+        found = black_box_bounds(f, method, [0.0, 1.0], "two step five falls y", x=(0.1, 0.7), y=(0, 1)).moments()
         assert np.isnan(found.first[:, :, :3]).all() and np.isnan(found.total[:, :, :3]).all()
         np.testing.assert_allclose(found.first[:, :, 3], [[1, np.nan], [0, np.nan]], atol=1e-9)
         np.testing.assert_allclose(found.total[:, :, 4], [[0, np.nan], [1, np.nan]], atol=1e-9)
@@ -89,24 +81,19 @@ def test_no_variance_no_indices():
 
 @pytest.mark.parametrize("method", [mb.MonteCarlo(20), mb.Vertex()], ids=repr)
 def test_bounds_without_an_expansion_have_no_moments(method):
-    with pytest.raises(
-        mb.PropagationError, match=r"have no polynomial for the whole box.* Use PolynomialChaos\(order=4\)"
-    ):
-        mb.propagate(Wave(), method, BOX).moments()
+    told = r"have no polynomial for the whole box.* Use PolynomialChaos\(order=4\)"
+    refused(told, mb.propagate(Wave(), method, BOX).moments, error=mb.PropagationError)
 
 
 def test_moments_print_as_a_table_of_shares():
     """2 + 3 a + 4 a b over [-1, 1]: a alone explains 3, the product 16 / 9 of the variance; nothing of a constant."""
-    nominal = {"a": 0.0, "b": 0.0}
-    simulator = mb.FunctionSimulator(lambda a, b: [[2 + 3 * a + 4 * a * b, 1.0]] * 2, nominal, [0.0, 1.0], ["f", "one"])
-    found = mb.propagate(simulator, mb.PolynomialChaos(order=2), mb.Box(a=(-1.0, 1.0), b=(-1.0, 1.0))).moments()
+    f, box = lambda a, b: [[2 + 3 * a + 4 * a * b, 1.0]] * 2, dict.fromkeys("ab", (-1.0, 1.0))
+    found = black_box_bounds(f, mb.PolynomialChaos(order=2), [0.0, 1.0], "f one", **box).moments()
     assert repr(found) == "Moments(2 outputs x 2 times, 2 parameters)"
     rows = ["                 a              b", "f    0.628 / 1.000  0.000 / 0.372", "one    no variance"]
     assert str(found).split("\n")[1:] == rows
 
 
 def test_boxes_cut_into_pieces_leave_no_moments():
-    simulator = mb.FunctionSimulator(lambda x: [[np.sin(25 * x)]], {"x": 0.0}, [0.0], ["f"])
-    bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(x=(-1.0, 1.0)))
-    with pytest.raises(mb.PropagationError, match="kinks or jumps"):
-        bounds.moments()
+    bounds = black_box_bounds(lambda x: np.sin(25 * x), x=(-1.0, 1.0))
+    refused("kinks or jumps", bounds.moments, error=mb.PropagationError)

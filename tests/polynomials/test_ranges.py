@@ -7,9 +7,7 @@ from numpy.testing import assert_allclose
 from scipy.optimize import minimize
 
 import symmb as mb
-from models import double_pendulum
 from symmb import Bernstein, ChebyshevInclusion, Exact, LegendreInclusion
-from symmb.bound.nodes.fit import Fit
 from symmb.bound.polynomials.chebyshev import LowerSet
 from symmb.bound.polynomials.legendre import basis_values, tensor_degree, total_degree
 from symmb.bound.polynomials.ranges import dense_extremes
@@ -93,8 +91,7 @@ def test_constants_and_what_is_not_finite():
     coefficients[0] = [0.0, 3.0, 1e9, np.nan]
     coefficients[:, 2] += 1e-9 * np.random.default_rng(0).normal(size=len(alpha))
     found = Exact().search(alpha, coefficients)
-    assert_allclose(found.lower[:3], [0, 3, 1e9], rtol=1e-12)
-    assert_allclose(found.upper[:3], [0, 3, 1e9], rtol=1e-12)
+    assert_allclose([found.lower[:3], found.upper[:3]], [[0, 3, 1e9]] * 2, rtol=1e-12)
     assert np.isnan([found.lower[3], found.upper[3]]).all()
     assert_allclose(found.gap[:3], 0)
 
@@ -108,22 +105,6 @@ def test_what_the_budget_leaves_open_is_told():
     assert (small.lower <= large.lower + 1e-3 * width).all() and (small.upper >= large.upper - 1e-3 * width).all()
     for x, bound, sign in ((small.at_lower, small.lower, 1), (small.at_upper, small.upper, -1)):
         assert (sign * (values(alpha, coefficients, x) - bound) <= small.gap + 1e-3 * width + 1e-12).all()
-
-
-@pytest.mark.parametrize("share", [0.05, 0.2])
-def test_double_pendulum(share):
-    scene = double_pendulum.scene().with_times(np.linspace(0, 10, 41))
-    simulator, box = mb.DAESimulator(scene), mb.Box.around(scene.system.parameters, share)
-    fit = Fit.of(mb.ClenshawCurtis(), mb.TensorDegree(), 2, 4)
-    Y = simulator.run(box.from_unit(fit.nodes)).Y.reshape(len(fit.nodes), -1)
-    coefficients = fit.coefficients(fit.functionals @ Y, np.ones(len(Y), dtype=bool))
-    found = Exact(1e-3).search(fit.alpha, coefficients)
-    line = np.cos(np.linspace(0, np.pi, 101))
-    grid = basis_values(fit.alpha, np.array(np.meshgrid(line, line)).reshape(2, -1).T) @ coefficients
-    low, high = grid.min(axis=0), grid.max(axis=0)
-    slack = (1e-3 + (4 * np.pi / 101) ** 2 / 2) * (high - low) + 1e-11
-    assert (found.lower <= low + 1e-12).all() and (found.upper >= high - 1e-12).all()
-    assert (found.lower >= low - slack).all() and (found.upper <= high + slack).all()
 
 
 @pytest.mark.parametrize(
@@ -166,11 +147,6 @@ def test_chebyshev_coefficients_are_those_of_numpy():
 def test_too_many_bernstein_coefficients():
     alpha = total_degree(20, 2)
     refused(r"20 parameters.*Use Exact\(\)", Bernstein().bounds, alpha, np.ones((len(alpha), 1)))
-
-
-@pytest.mark.parametrize("make", [lambda: Exact(budget=0), lambda: Bernstein(0), lambda: Bernstein(1.5)])
-def test_options_out_of_range(make):
-    refused("integer of at least 1", make)
 
 
 @pytest.mark.parametrize("scale", [1e-200, 1e-30, 1.0, 1e150], ids=str)

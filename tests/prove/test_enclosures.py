@@ -8,6 +8,9 @@ import numpy as np
 import pytest
 from enclosure_samples import EXACT, check, exact, ode, solutions
 from enclosure_scenes import SCENES, pendulum, van_der_pol
+from faults import refused
+from numpy.polynomial.chebyshev import chebval
+from small_scenes import state
 
 import symmb as mb
 from models import double_pendulum, heavy_top
@@ -17,9 +20,10 @@ from symmb.prove.degrees import degrees_of_equations
 from symmb.prove.ellipses import Choice, Control
 from symmb.prove.errors import ProofError
 from symmb.prove.flow import Curve, integrated
+from symmb.prove.front import Front
 from symmb.prove.march import Course, Place, march
 from symmb.prove.ranges import ranges
-from symmb.prove.start import first_front
+from symmb.prove.start import drifted, first_front, mapped
 from symmb.prove.time_step import TimeStep, parameter_points
 from symmb.run.simulation import DAESimulator
 
@@ -37,10 +41,8 @@ def test_samples_of_scenes_lie_inside_and_reach_the_bounds(make):
     problem, found = _enclosed(make(), order=4)
     assert not found.why and np.isfinite(found.upper).all()
     result = check(problem, found)
-    assert result.outside <= INSIDE
-    assert result.filled > 0.6  # corners and a few points: extremes may be inside the box
-    width = found.upper - found.lower
-    assert (found.remainder <= 1e-3 * width.max(axis=0)).all()
+    assert result.outside <= INSIDE and result.filled > 0.6  # corners and few points: extremes may be inside the box
+    assert (found.remainder <= 1e-3 * (found.upper - found.lower).max(axis=0)).all()
 
 
 @pytest.mark.parametrize(
@@ -79,11 +81,9 @@ def test_samples_of_random_equations_lie_inside(seed):
 
 def test_no_uncertain_parameter():
     problem = ode(lambda x, p, t: [x[1], -p[0] * ca.sin(x[0])], lambda p: [1.0, 0.0], [(2.0, 2.0)], [0.0, 0.1, 0.2])
-    found = enclose(problem, 4, 1)
-    in_50_digits = exact(problem, problem.middle)
-    assert problem.d == 0
+    found, in_50_digits = enclose(problem, 4, 1), exact(problem, problem.middle)
+    assert problem.d == 0 and (found.upper - found.lower).max() < 1e-9
     assert (found.lower <= in_50_digits).all() and (in_50_digits <= found.upper).all()
-    assert (found.upper - found.lower).max() < 1e-9
     sampled, own = solutions(problem, problem.middle[None])
     assert (abs(sampled[0] - in_50_digits) <= own[0] + 1e-15).all()
 
@@ -107,17 +107,14 @@ def test_friction_that_is_almost_dry():
     assert not found.why and not found.is_loose.any() and check(problem, found).outside <= INSIDE
 
 
-def test_halves_of_the_box_are_joined():
+def test_halves_of_the_box_are_joined_where_they_are_needed():
     box = [(8.0, 12.0), (1.0, 2.0)]
     problem = ode(lambda x, p, t: [x[1], -p[0] * ca.sin(x[0])], lambda p: [p[1], 0.0], box, np.linspace(0, 3, 7))
     one, four = enclose(problem, 3, 1), enclose(problem, 3, 4)
     assert four.boxes > 1 and check(problem, four, count=20).outside <= INSIDE
     finite = np.isfinite(one.upper)
     assert (four.remainder[-1] < one.remainder[-1]).all() or not finite[-1].any()
-
-
-def test_a_box_that_needs_no_halves_is_one_part():
-    problem, found = _enclosed(pendulum(), order=6)
+    problem, found = _enclosed(pendulum(), order=6)  # of a box that needs no halves
     parts = enclose(problem, 6, 8)
     assert parts.boxes == 1
     np.testing.assert_array_equal(parts.upper, found.upper)
@@ -139,8 +136,7 @@ def test_long_motions_are_proved_with_their_reactions(make, end, order):
     """The oscillator contracts, and its frame comes close to singular; the rod's reaction is a quotient."""
     problem, found = _enclosed(make(spread=0.05, end=end).with_times(np.linspace(0.0, end, 51)), order)
     assert not found.why and check(problem, found).outside <= INSIDE
-    width = found.upper - found.lower
-    assert (found.remainder <= 5e-3 * width.max(axis=0)).all()
+    assert (found.remainder <= 5e-3 * (found.upper - found.lower).max(axis=0)).all()
 
 
 def test_a_lost_proof_keeps_the_part_that_is_proved():
@@ -160,8 +156,7 @@ def test_an_output_with_a_corner_has_no_bounds_where_it_is_met():
         outputs=lambda x, p, t: [ca.fabs(x[0]), x[0]],
     )  # fmt: skip
     found = enclose(problem, 3, 1)
-    assert np.isfinite(found.upper[:, 1]).all()
-    assert np.isinf(found.upper[2, 0])
+    assert np.isfinite(found.upper[:, 1]).all() and np.isinf(found.upper[2, 0])
     finite = np.isfinite(found.upper[:, 0])
     exact = np.abs(-1.0 + problem.times)[:, None] * np.ones(2)
     assert (found.lower[finite, 0] <= exact[finite, 0]).all() and (exact[finite, 1] <= found.upper[finite, 0]).all()
@@ -225,10 +220,8 @@ def test_rounding_of_a_curve_is_bounded_on_ellipses(terms, rho):
     rate = rng.uniform(-1, 1, (1, terms, 3))
     curve = integrated(begin, rate, h)
     exact = _integral_in_fractions(begin[0], rate[0], h)
-    lost = [
-        [float(Fraction(float(a)) - b) for a, b in zip(*rows, strict=True)]
-        for rows in zip(curve.c[0], exact, strict=True)
-    ]
+    pairs = zip(curve.c[0], exact, strict=True)
+    lost = [[float(Fraction(float(a)) - b) for a, b in zip(*rows, strict=True)] for rows in pairs]
     assert (np.abs(lost) <= curve.rounded[0]).all()
     with mpmath.workdps(40):
         turns = mpmath.unitroots(7)[2:4]
@@ -241,16 +234,13 @@ def test_rounding_of_a_curve_is_bounded_on_ellipses(terms, rho):
 
 def _integral_in_fractions(begin, rate, h):
     """Chebyshev coefficients of begin + h / 2 times the integral from -1, from those of the rate."""
-    n, half = len(rate), Fraction(h) / 2
-    rows = [[Fraction(float(a)) for a in row] for row in rate]
-    c = [[Fraction(0)] * len(begin) for _ in range(n + 1)]
+    first, *rows = (np.array([Fraction(float(a)) for a in row]) for row in (begin, *rate))
+    c = np.full((len(rows) + 1, len(first)), Fraction(0))
     for k, row in enumerate(rows):  # the integral of T_k is (T_(k + 1) / (k + 1) - T_(k - 1) / (k - 1)) / 2
-        for j, a in enumerate(row):
-            c[k + 1][j] += half * a * (1 if k == 0 else Fraction(1, 2 * (k + 1)))
-            if k > 1:
-                c[k - 1][j] -= half * a * Fraction(1, 2 * (k - 1))
-    for j, b in enumerate(begin):
-        c[0][j] = Fraction(float(b)) - sum((-1) ** k * c[k][j] for k in range(1, n + 1))
+        c[k + 1] += Fraction(h) / 2 * row * (1 if k == 0 else Fraction(1, 2 * (k + 1)))
+        if k > 1:
+            c[k - 1] -= Fraction(h) / 2 * row * Fraction(1, 2 * (k - 1))
+    c[0] = first - sum((-1) ** k * c[k] for k in range(1, len(c)))
     return c
 
 
@@ -277,8 +267,7 @@ def test_an_output_that_is_too_large_leaves_others_their_bounds():
     problem = ode(lambda x, p, t: [0 * x[0]], lambda p: [0.0], [(1.0, 1e300)], [0.0, 1.0],
                   outputs=lambda x, p, t: [1.7e8 * p[0], p[0]])  # fmt: skip
     found = enclose(problem, 3, 1)
-    assert np.isinf(found.upper[:, 0]).all()
-    assert (found.lower[:, 1] <= 1.0).all()
+    assert np.isinf(found.upper[:, 0]).all() and (found.lower[:, 1] <= 1.0).all()
     assert (found.upper[:, 1] >= 1e300).all() and (found.upper < 1.1e300)[:, 1].all()
 
 
@@ -305,12 +294,38 @@ def test_middles_of_parts_near_zero():
 
 def test_an_output_of_time_from_a_negative_first_time():
     """-0.1 + 1000 rounds by 1e-14."""
-    p = mb.Parameters(a=1.0)
-    state = mb.State("z", rate=lambda z: p.a + 0 * z)
     times = np.array([-1000.0, -0.1, -1e-3])
-    scene = mb.Scene(mb.System(state, parameters=p), {"z": 0.0}, times, {"t": mb.t}, box=mb.Box(a=(0.9, 1.1)))
-    _, found = _enclosed(scene, order=2)
+    _, found = _enclosed(state(lambda p, z: p.a + 0 * z, times, 0.0, lambda z: {"t": mb.t}, a=(0.9, 1.1)), order=2)
     assert (found.lower[:, 0] <= times).all() and (times <= found.upper[:, 0]).all()
+
+
+def test_states_of_a_front_are_mapped_into_the_new_one():
+    rng, n, lengths, of_frame = np.random.default_rng(0), 3, 6, 4
+    problem = ode(lambda x, p, t: [0 * x[0]] * n, lambda p: [0.0] * n, [(0.9, 1.1)], [0.0, 1.0])
+    decay = 0.3 ** np.arange(lengths)
+    old = Front(
+        0.7, rng.normal(size=(n, lengths)) * decay, rng.normal(size=(n, n, of_frame)) * decay[:of_frame],
+        np.array([0.02, 0.01, 0.03]), np.full(n, 1e-3), np.full((n, n), 1e-2),
+    )  # fmt: skip
+    x, p, t = ca.SX.sym("x", n), ca.SX.sym("p"), ca.SX.sym("t")
+    f = ca.Function("f", [x, p, t], [ca.vertcat(x[0], ca.sin(x[0] + p * t) * x[1], x[2] ** 2 + ca.exp(x[1]))])
+    new = mapped(problem, old, f)
+    allowed, largest = new.x_error + new.B_error @ new.w, 0.0
+    for _ in range(2000):
+        xi, w = rng.uniform(-1, 1), old.w * rng.choice([-1.0, 1.0], n)
+        off = 0.999 * rng.choice([-1.0, 1.0], n) * (old.x_error + old.B_error @ old.w)
+        at, there = (chebval(xi, front.x.T) + chebval(xi, np.moveaxis(front.B, 2, 0)) @ w for front in (old, new))
+        error = np.abs(f(at + off, 1.0 + 0.1 * xi, 0.7).full().ravel() - there)
+        assert (error <= allowed).all()
+        largest = np.maximum(largest, error / allowed)
+    assert (largest > 0.2).all()  # bounds are not much too wide
+
+
+def test_a_front_at_a_time_that_is_late():
+    """x' = -x: within 1e-12 s states change by as much of their size."""
+    problem = ode(lambda x, p, t: [-x[0]], lambda p: [p[0]], [(0.9, 1.1)], [0.0, 1.0])
+    still = Front(0.5, np.array([[2.0, 0.1]]), np.ones((1, 1, 1)), np.zeros(1), np.zeros(1), np.zeros((1, 1)))
+    assert 2.1e-12 <= drifted(problem, still, 1e-12).x_error[0] < 2.2e-12
 
 
 # Planted faults
@@ -362,13 +377,10 @@ def _stiff_step():
     return TimeStep(problem, 0.0, 1.0, zero, one, np.array([[[1.0, 0.0]]]))
 
 
-def test_a_box_that_w_leaves_is_not_proved():
-    with pytest.raises(ProofError, match="grow too fast"):
-        steps.prove(_stiff_step(), np.array([1.0]), Control(Choice(), 1.0))
+def test_a_box_that_w_leaves_is_not_proved(monkeypatch):
+    refused("grow too fast", steps.prove, _stiff_step(), np.array([1.0]), Control(Choice(), 1.0), error=ProofError)
 
-
-def test_a_contraction_that_is_not_tested_is_found(monkeypatch):
-    monkeypatch.setattr(steps, "stays", lambda end, W: True)
+    monkeypatch.setattr(steps, "stays", lambda end, W: True)  # without the test of the contraction
     assert steps.prove(_stiff_step(), np.array([1.0]), Control(Choice(), 1.0)).end[0] < np.exp(3.0)
 
 
@@ -380,10 +392,8 @@ def test_shared_reactions_of_bars_of_uncertain_length_are_enclosed():
     heights = (("low", -0.2), ("high", 0.3))
     hinges = [mb.Revolute(name, ground.point(0, 0, z), rod.point(-p.L, 0, z), axis=(0, 0, 1)) for name, z in heights]
     system = mb.System(rod, *hinges, mb.Gravity(0, -9.81, 0), parameters=p)
-    outputs = {"low": system.lam("low")[1]}
-    scene = mb.Scene(
-        system, times=np.linspace(0, 0.3, 4), outputs=outputs, guess={"rod.x": 0.5}, box=mb.Box(L=(0.499, 0.501))
-    )
+    times, outputs, box = np.linspace(0, 0.3, 4), {"low": system.lam("low")[1]}, mb.Box(L=(0.499, 0.501))
+    scene = mb.Scene(system, times=times, outputs=outputs, guess={"rod.x": 0.5}, box=box)
     bounds = mb.propagate(scene, mb.TaylorModel(order=4))
     P = np.random.default_rng(0).uniform(0.499, 0.501, (100, 1))
     Y = mb.DAESimulator(scene, mb.DormandPrince(rtol=1e-11)).run(P).Y

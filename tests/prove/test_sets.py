@@ -1,4 +1,4 @@
-"""Proofs with many uncertain numbers, and of stiff equations: samples lie inside, and planted faults are found."""
+"""Proofs with many uncertain numbers, with clocks, and of stiff equations: samples lie inside, faults are found."""
 
 import pickle
 import warnings
@@ -10,13 +10,16 @@ import pytest
 from enclosure_samples import check, ode, parameters, solutions
 from planar_lagrangian import random_mechanism
 from scipy.integrate import solve_ivp
-from verified_problems import laub_loomis, quadrotor, random_system, robertson, van_der_pols
+from scipy.special import ellipj, ellipk
+from verified_problems import laub_loomis, quadrotor, random_oscillator, random_system, robertson, van_der_pols
 
 import symmb as mb
-from symmb.prove import enclose, front, problem_of, terms
+from symmb.prove import clock, enclose, front, march, outputs, problem_of, several_parameters, terms
 from symmb.prove.basis import basis_of, terms_of
+from symmb.prove.clock import bounds_by_clock
 from symmb.prove.flow import Curve
 from symmb.prove.orders import MOST_TERMS, with_orders
+from symmb.prove.pass_outputs import half_step
 from symmb.prove.time_step import TimeStep
 from symmb.run.simulation import DAESimulator
 
@@ -34,20 +37,17 @@ def test_samples_of_random_systems_lie_inside(seed):
     assert result.outside <= INSIDE and result.filled > 0.2
 
 
-@pytest.mark.parametrize(("make", "end", "filled"), [(laub_loomis, 4.0, 0.6), (quadrotor, 0.5, 0.6)])
-def test_sets_of_the_competition(make, end, filled):
-    scene = make(0.05, end)
+def _enclosed(scene, order, count):
+    """Bounds, and what samples say of them."""
     problem = problem_of("method", DAESimulator(scene), scene.box)
-    found = enclose(problem, 8, 1)
-    result = check(problem, found, 200)
-    assert not found.why and result.outside <= INSIDE and result.filled > filled
+    found = enclose(problem, order, 1)
+    return found, check(problem, found, count)
 
 
-def _samples_of_order(order):
-    """Samples of a set against its bounds by polynomials of a low order."""
-    scene = laub_loomis(0.1, 3.0)
-    problem = problem_of("method", DAESimulator(scene), scene.box)
-    return check(problem, enclose(problem, order, 1), 40)
+@pytest.mark.parametrize(("make", "end"), [(laub_loomis, 4.0), (quadrotor, 0.5)])
+def test_sets_of_the_competition(make, end):
+    found, result = _enclosed(make(0.05, end), 8, 200)
+    assert not found.why and result.outside <= INSIDE and result.filled > 0.6
 
 
 @pytest.mark.parametrize(
@@ -60,9 +60,10 @@ def _samples_of_order(order):
 )
 def test_planted_faults_are_found(plant, monkeypatch):
     """With polynomials of the first order, the remainder is large, so that samples leave bounds without it."""
-    assert _samples_of_order(1).outside <= INSIDE
+    scene = laub_loomis(0.1, 3.0)
+    assert _enclosed(scene, 1, 40)[1].outside <= INSIDE
     plant(monkeypatch)
-    assert _samples_of_order(1).outside > 1e-6
+    assert _enclosed(scene, 1, 40)[1].outside > 1e-6
 
 
 def test_earlier_errors_are_kept_or_bounded():
@@ -122,11 +123,10 @@ def test_stiff_equations_with_an_uncertain_number():
     found = enclose(problem, 3, 1)
     # x = a (1 + t - 1e-4) - a (1 - 1e-4) exp(-1e4 t) with a = cos(1) p
     each = np.cos(1.0) * np.array([[0.9], [1.1]]) * (1 + times - 1e-4 - (1 - 1e-4) * np.exp(-1e4 * times))
+    lower, upper = found.lower[:, 0], found.upper[:, 0]
     assert not found.why
-    assert (found.lower[:, 0] <= each.min(axis=0) + 1e-12).all() and (
-        found.upper[:, 0] >= each.max(axis=0) - 1e-12
-    ).all()
-    np.testing.assert_allclose(found.upper[:, 0] - found.lower[:, 0], np.ptp(each, axis=0), rtol=1e-6, atol=1e-9)
+    assert (lower <= each.min(axis=0) + 1e-12).all() and (upper >= each.max(axis=0) - 1e-12).all()
+    np.testing.assert_allclose(upper - lower, np.ptp(each, axis=0), rtol=1e-6, atol=1e-9)
 
 
 def test_orders_of_nearly_linear_numbers_are_lower():
@@ -149,14 +149,12 @@ def test_remarks_tell_the_orders():
 
 def _division(method, executor=None):
     """Bounds of two coupled oscillators over a wide box, and the progress that they report."""
-    told = []
+    told, scene = [], van_der_pols(2.0)
     with warnings.catch_warnings(action="ignore", category=mb.SymmbWarning):
-        return mb.propagate(
-            van_der_pols(2.0), method, executor=executor, progress=lambda *done: told.append(done)
-        ), told
+        return mb.propagate(scene, method, executor=executor, progress=lambda *done: told.append(done)), told
 
 
-def test_a_box_divides_by_itself():
+def test_a_box_divides_by_itself_and_an_executor_gives_the_same_bounds():
     """One box needs many short steps, and its bounds are wider than those of the parts."""
     whole, _ = _division(mb.TaylorModel(order=3, boxes=1))
     parts, told = _division(mb.TaylorModel(order=3, boxes=4))
@@ -164,14 +162,10 @@ def test_a_box_divides_by_itself():
     assert ((parts.upper - parts.lower)[-1] < 0.95 * (whole.upper - whole.lower)[-1]).all()
     runs = mb.propagate(van_der_pols(2.0), mb.MonteCarlo(300), solver=mb.DormandPrince(rtol=1e-11))
     assert (parts.lower <= runs.lower + 1e-9).all() and (parts.upper >= runs.upper - 1e-9).all()
-
-
-def test_an_executor_gives_the_same_bounds():
-    alone, _ = _division(mb.TaylorModel(order=3, boxes=4))
     with ProcessPoolExecutor(2) as pool:
         pooled, told = _division(mb.TaylorModel(order=3, boxes=4), pool)
-    assert (alone.lower == pooled.lower).all() and (alone.upper == pooled.upper).all()
-    assert pooled.evaluations == alone.evaluations and told[-1] == (1000, 1000)
+    assert (parts.lower == pooled.lower).all() and (parts.upper == pooled.upper).all()
+    assert pooled.evaluations == parts.evaluations and told[-1] == (1000, 1000)
 
 
 @pytest.mark.parametrize("seed", [5, 6])
@@ -186,3 +180,85 @@ def test_random_mechanisms_against_lagrange_s_equations(seed):
     found = enclose(problem, 2, 1)
     result = check(problem, found, 100, seed, motion_of)
     assert not found.why and result.outside <= INSIDE and result.filled > 0.2
+
+
+# Clocks: each set of parameters has its own
+
+
+def has_clock(problem, order=4):
+    return clock.with_clock(with_orders(problem, order)[0]).clock is not None
+
+
+def phasor(spread, end=20.0, count=41):
+    """x = cos(w t), y = sin(w t) and z = w t with w = a + b + c."""
+
+    def rates(x, p, t):
+        w = p[0] + p[1] + p[2]
+        return [-w * x[1], w * x[0], w]
+
+    box = [(v - spread, v + spread) for v in (0.2, 0.3, 0.5)]
+    return ode(rates, lambda p: [1.0, 0.0, 0.0], box, np.linspace(0.0, end, count))
+
+
+def test_a_turning_phasor():
+    """The parameters only delay it. Its range is that of a cosine, up to half a turn."""
+    problem = phasor(0.015)
+    assert has_clock(problem) and not has_clock(phasor(1e-4))
+    found, t = enclose(problem, 4, 1), problem.times
+    low, high = 0.955 * t, 1.045 * t
+    phase = np.linspace(low, high, 4001)
+    least, most = np.cos(phase).min(axis=0), np.cos(phase).max(axis=0)
+    assert not found.why and found.boxes == 1
+    assert (found.lower[:, 0] <= least + 1e-12).all() and (found.upper[:, 0] >= most - 1e-12).all()
+    np.testing.assert_allclose(found.upper[:, 0] - found.lower[:, 0], most - least, atol=1e-3)
+
+
+def test_a_swinging_rod():
+    """A scene against Jacobi's elliptic functions, over seven periods."""
+    p = mb.Parameters(length=1.0, g=9.81, angle=1.0)
+    rod = mb.Body("rod", mass=1.0, inertia=p.length**2 / 12)
+    hinge = mb.Revolute("hinge", mb.Ground().point(0, 0), rod.point(0, p.length / 2))
+    system = mb.System(rod, hinge, mb.Gravity(0, -p.g), parameters=p)
+    times = np.linspace(0.0, 12.0, 25)
+    box = mb.Box(length=(0.99, 1.01), g=(9.8, 9.82), angle=(0.99, 1.01))
+    bounds = mb.propagate(mb.Scene(system, {"rod.theta": p.angle}, times, {"theta": rod.theta}, box), mb.TaylorModel(5))
+    length, g, angle = (a[..., None] for a in np.meshgrid(*(np.linspace(*own, 9) for own in box.bounds), indexing="ij"))
+    m = np.sin(angle / 2) ** 2
+    sn = ellipj(ellipk(m) - np.sqrt(1.5 * g / length) * times, m)[0]
+    theta = (2 * np.arcsin(np.sqrt(m) * sn)).reshape(-1, len(times))
+    width = np.ptp(theta, axis=0)
+    assert (bounds.lower[:, 0] <= theta.min(axis=0) + 1e-11).all()
+    assert (bounds.upper[:, 0] >= theta.max(axis=0) - 1e-11).all()
+    assert ((bounds.upper - bounds.lower)[:, 0] <= 1.02 * width + 1e-4).all()
+
+
+@pytest.mark.parametrize("seed", [12, 20, 24])
+def test_samples_of_random_oscillators_lie_inside(seed):
+    problem = random_oscillator(seed, wide=True)
+    assert has_clock(problem)
+    found = enclose(problem, 4, 1)
+    result = check(problem, found, 100, seed)
+    assert not found.why and result.outside <= INSIDE and result.filled > 0.8
+
+
+def _later(patch):
+    """Places in a step are taken for those of 1 % later times."""
+    right = several_parameters.places_in_step
+    for module in (clock, outputs):
+        patch.setattr(module, "places_in_step", lambda step, times, basis: right(step, 1.01 * times, basis))
+
+
+@pytest.mark.parametrize(
+    "plant",
+    [
+        _later,
+        lambda patch: patch.setattr(clock, "half_step", lambda step, variable, side: half_step(step, variable, 1)),
+        lambda patch: patch.setattr(march, "bounds_by_clock", lambda steps, *own: bounds_by_clock(steps[-1:], *own)),
+    ],
+    ids=["places", "halves", "steps"],
+)
+def test_planted_faults_of_clocks_are_found(plant, monkeypatch):
+    """The parameters are in several steps at the last time, since their clocks differ by more than a step."""
+    plant(monkeypatch)
+    problem = phasor(0.01, 60.0, 41)
+    assert check(problem, enclose(problem, 3, 1), 200).outside > 1e-6

@@ -78,10 +78,9 @@ def test_its_box_is_that_in_si_units(both):
 
 
 def test_its_report_is_in_units(both, tmp_path):
-    few = both[0].with_times(np.linspace(0, 2, 21)).with_outputs({k: both[0].outputs[k] for k in ("angle", "speed")})
-    bounds = mb.propagate(few, mb.Vertex())
-    other = both[1].with_times(few.times).with_outputs({k: both[1].outputs[k] for k in ("angle", "speed")})
-    si = mb.propagate(other, mb.Vertex())
+    times, names = np.linspace(0, 2, 21), ("angle", "speed")
+    few = (scene.with_times(times).with_outputs({k: scene.outputs[k] for k in names}) for scene in both)
+    bounds, si = (mb.propagate(scene, mb.Vertex()) for scene in few)
     size = np.abs(si.upper).max(axis=0) * 180 / np.pi
     assert np.all(np.abs(bounds.upper - si.upper * 180 / np.pi) <= 1e-6 * size)
     check = bounds.check({"speed": ("-75 deg/s", None), "angle": (None, "1.5 rad")})

@@ -2,9 +2,11 @@
 
 import html
 import re
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
+from faults import refused
 
 import symmb as mb
 from models import double_pendulum
@@ -21,6 +23,18 @@ def decay(name="x", parameter="k"):
     """A black box, and its box."""
     simulator = mb.FunctionSimulator(lambda **p: np.exp(-p[parameter] * T), {parameter: 1.0}, T, [name])
     return simulator, mb.Box(**{parameter: (0.5, 2.0)})
+
+
+def decayed(method=None, **names):
+    """Bounds of a black box."""
+    simulator, box = decay(**names)
+    return mb.propagate(simulator, method or mb.PolynomialChaos(), box)
+
+
+def bounded(f, *names, method=None, t=T, **box):
+    """Bounds of a function of parameters with nominal values of 1."""
+    simulator = mb.FunctionSimulator(f, dict.fromkeys(box, 1.0), t, names or ["x"])
+    return mb.propagate(simulator, method or mb.PolynomialChaos(), mb.Box(**box))
 
 
 def rolling(name="roll", output="x"):
@@ -53,16 +67,19 @@ def reported(result, folder, *limits):
     return text_of(path), headings(path), path.read_text()
 
 
+LIMITS = {"x": (None, 1.05), "y": (-1, 1)}
+
+
 @pytest.fixture(scope="module")
 def scene_report(tmp_path_factory):
-    bounds, path = mb.propagate(rolling(), mb.PolynomialChaos()), tmp_path_factory.mktemp("report") / "r.html"
-    bounds.report(path, {"x": (None, 1.05), "y": (-1, 1)})
-    return bounds, path
+    """Bounds, and the text, the headings and the page of their report."""
+    bounds = mb.propagate(rolling(), mb.PolynomialChaos())
+    return bounds, *reported(bounds, tmp_path_factory.mktemp("report"), LIMITS)
 
 
 def test_numbers_are_those_of_the_result(scene_report):
-    bounds, path = scene_report
-    text, check, plain = text_of(path), bounds.check({"x": (None, 1.05), "y": (-1, 1)}), str(bounds)
+    bounds, text, *_ = scene_report
+    check, rows = bounds.check(LIMITS), str(bounds).splitlines()[-2:]
     for line in (check._head(), check.worst):
         assert words(line) in text
     for case in bounds._all_worst():
@@ -72,7 +89,6 @@ def test_numbers_are_those_of_the_result(scene_report):
         assert " ".join([place, *speed, f"{case.attained + 0.0:.6g}"]) in text
     for cells in (*check._rows(), *bounds.contributions()._rows(0, -1)):
         assert " ".join(filter(None, cells)) in text
-    rows = plain.splitlines()[-2:]
     assert rows[0].split()[0] == "x"
     for row in rows:
         assert words(row.split(maxsplit=1)[1]) in text
@@ -80,33 +96,35 @@ def test_numbers_are_those_of_the_result(scene_report):
     assert "PolynomialChaos()" in text and repr(bounds.study.solver) in text and bounds.study.simulator.reason in text
 
 
-def test_the_order_of_the_parts(scene_report):
-    _, path = scene_report
+def test_the_order_of_the_parts_and_that_nothing_is_loaded_from_elsewhere(scene_report):
+    _, text, found, page = scene_report
     answers = ["Result", "What to do next", "Curves", "The mechanism", "Assumptions"]
     annex = ["Limits", "Bounds", "Worst cases", "What each parameter contributes", "The start"]
-    assert headings(path) == [*answers, *annex, "Settings", "Cost", "How to repeat it", "Equations"]
-    page = path.read_text()
+    assert found == [*answers, *annex, "Settings", "Cost", "How to repeat it", "Equations"]
     assert page.index("Assumptions</h2>") < page.index('id="annex"') < page.index("Limits</h2>")
     equations = rolling().system.equations()
     assert "M q̈ = Q" in equations
-    folded, printed = text_of(path).split("Equations")[1:]
+    folded, printed = text.split("Equations")[1:]
     assert words(equations) in folded and words(equations) in printed
+    loaded = r"""(?:src|href)=["'](?!data:)|url\((?!["']?data:)|https?://(?!www\.w3\.org)"""
+    assert not re.findall(loaded, html.unescape(page))
 
 
 def test_the_worst_run_moves(scene_report):
     """The inner page is that of `view` for the output that is closest to its limit."""
-    bounds, path = scene_report
-    labels = [ghost.label for ghost in of_bounds(bounds, "x", 1.0, None).ghosts]
-    screen, printed = path.read_text().split('<div class="printed still">')
-    for label in map(html.escape, labels):  # the page shows them; a picture that is printed has them beside it
+    bounds, _, _, shown = scene_report
+    motion = of_bounds(bounds, "x", 1.0, None)
+    screen, printed = shown.split('<div class="printed still">')
+    for ghost in motion.ghosts:  # the page shows their labels; a picture that is printed has them beside it
+        label = html.escape(ghost.label)
         assert label not in re.sub(r'srcdoc="[^"]*"', "", screen) and label in printed
-    (source,) = re.findall(r'srcdoc="([^"]*)"', path.read_text())
-    assert html.unescape(source) == page(of_bounds(bounds, "x", 1.0, None))
+    (source,) = re.findall(r'srcdoc="([^"]*)"', shown)
+    assert html.unescape(source) == page(motion)
 
 
 def test_the_lines_repeat_the_bounds(scene_report):
-    bounds, path = scene_report
-    needed, lines = path.read_text().split("How to repeat it</h2>")[1].split("</pre>")[0].split("<pre")
+    bounds, *_, shown = scene_report
+    needed, lines = shown.split("How to repeat it</h2>")[1].split("</pre>")[0].split("<pre")
     lines = html.unescape(lines.split(">", 1)[1])
     assert "declaration of roll. Ask its author for the Python file that defines <code>scene</code>." in needed
     space = {"scene": rolling()}
@@ -115,34 +133,29 @@ def test_the_lines_repeat_the_bounds(scene_report):
     assert lines.splitlines()[-1] == "bounds.report(\"report.html\", {'x': (None, 1.05), 'y': (-1.0, 1.0)})"
 
 
-def test_nothing_is_loaded_from_elsewhere(scene_report):
-    page = html.unescape(scene_report[1].read_text())
-    assert not re.findall(r"""(?:src|href)=["'](?!data:)|url\((?!["']?data:)|https?://(?!www\.w3\.org)""", page)
-
-
 def test_a_black_box_has_neither_drawing_nor_equations(tmp_path):
-    simulator, box = decay()
-    text, found, page = reported(mb.propagate(simulator, mb.PolynomialChaos(), box), tmp_path)
+    text, found, page = reported(decayed(), tmp_path)
     assert "<iframe" not in page and "<details" not in page
     assert not {"The mechanism", "Limits"} & {*found} and "What each parameter contributes" in found
     assert "Bounds of FunctionSimulator(<lambda>)" in text
+    simulator = mb.FunctionSimulator(lambda E, n: T / E + n, {"E": 2e9, "n": 1234567.0}, T, ["x"])
+    text, *_ = reported(mb.propagate(simulator, mb.Vertex(), mb.Box(E=(2e9, 2.25e9))), tmp_path)
+    assert "E 2e9 2.25e9 2e9" in text and "n 1234567" in text  # large numbers are powers of ten
+
+
+SMOOTH = lambda k: np.exp(-k * T)  # noqa: E731
 
 
 @pytest.mark.parametrize(
     ("function", "is_shown"),
-    [
-        (lambda k: np.exp(-k * T), True),
-        (lambda k: np.exp(-k * T) / (k <= 1.05), False),
-        (lambda k: np.full_like(T, 3.7), True),
-    ],
+    [(SMOOTH, True), (lambda k: SMOOTH(k) / (k <= 1.05), False), (lambda k: np.full_like(T, 3.7), True)],
     ids=["smooth", "fails", "constant"],
 )
 def test_a_report_makes_no_runs_of_a_black_box(tmp_path, function, is_shown):
     """Contributions are left out where they would take some; a constant output takes none."""
     calls = []
-    simulator = mb.FunctionSimulator(lambda k: calls.append(k) or function(k), {"k": 1.0}, T, ["x"])
     with np.errstate(divide="ignore"):
-        bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(k=(0.9, 1.1)))
+        bounds = bounded(lambda k: calls.append(k) or function(k), k=(0.9, 1.1))
         made = len(calls)
         text, *_ = reported(bounds, tmp_path, {"x": (None, 4)})
     assert len(calls) == made
@@ -152,10 +165,8 @@ def test_a_report_makes_no_runs_of_a_black_box(tmp_path, function, is_shown):
 
 def test_contributions_are_at_the_least_margin(tmp_path):
     """The widest time is another one, 2 s; 0 of these comes from k at 1 s, where the limit is close."""
-    t = np.array([0.0, 1.0, 2.0])
     f = lambda k, m: np.stack([[k, 5 + m, 3 * k + m], [k, m, 2 * m]], 1)  # noqa: E731
-    simulator = mb.FunctionSimulator(f, {"k": 1.0, "m": 1.0}, t, ["x", "y"])
-    bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(k=(0.9, 1.1), m=(0.9, 1.1)))
+    bounds = bounded(f, "x", "y", t=np.array([0.0, 1.0, 2.0]), k=(0.9, 1.1), m=(0.9, 1.1))
     text, *_ = reported(bounds, tmp_path, {"x": (None, 7)})
     assert "x at 1 s alone" in text and "x at 2 s alone" not in text and "y at 2 s alone" in text
     assert "at the time of the smallest margin" in text
@@ -165,9 +176,8 @@ def test_contributions_are_at_the_least_margin(tmp_path):
 
 def test_many_outputs_have_six_tables(tmp_path, monkeypatch):
     """Those with limits come first, in the pictures too, and the rest is named."""
-    names, drawn = [f"y{k}" for k in range(9)], []
-    simulator = mb.FunctionSimulator(lambda k: np.outer(k * T, np.arange(1.0, 10.0)), {"k": 1.0}, T, names)
-    bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(k=(0.9, 1.1)))
+    drawn = []
+    bounds = bounded(lambda k: np.outer(k * T, np.arange(1.0, 10.0)), *(f"y{k}" for k in range(9)), k=(0.9, 1.1))
     for kind in (mb.Bounds, mb.Contributions):
         own = kind.plot
         monkeypatch.setattr(kind, "plot", lambda self, *a, _own=own, **k: drawn.append(k) or _own(self, *a, **k))
@@ -194,12 +204,6 @@ def test_bounds_from_a_file_show_what_they_hold(tmp_path, suffix):
         assert f"Bounds of {rolling().name}" in text and f"solver {bounds.study.solver!r}" in text
 
 
-def test_large_numbers_are_powers_of_ten(tmp_path):
-    simulator = mb.FunctionSimulator(lambda E, n: T / E + n, {"E": 2e9, "n": 1234567.0}, T, ["x"])
-    text, *_ = reported(mb.propagate(simulator, mb.Vertex(), mb.Box(E=(2e9, 2.25e9))), tmp_path)
-    assert "E 2e9 2.25e9 2e9" in text and "n 1234567" in text
-
-
 @pytest.mark.parametrize("method", [mb.Taylor(2), mb.MonteCarlo(20), mb.Swarm(5, 3, seed=4)])
 def test_methods_without_contributions_or_runs(tmp_path, method):
     """No study is added, and the mechanism moves all the same. The seed stands there."""
@@ -212,16 +216,15 @@ def test_methods_without_contributions_or_runs(tmp_path, method):
 
 
 def test_the_annex_has_the_warnings(tmp_path):
-    simulator, box = decay()
-    bounds = mb.propagate(simulator, mb.MonteCarlo(2), box)
+    bounds = decayed(mb.MonteCarlo(2))
     assert bounds.doubts and bounds.remarks
     text, _, page = reported(bounds, tmp_path, {"x": (0, None)})
     assert page.count('<p class="doubt">') == len(bounds.doubts)
     assert page.index('id="annex"') < page.index('<p class="doubt">') < page.index('<p class="remark">')
     assert page.index('<p class="remark">') < page.index("Limits</h2>")
     assert all(f"Warning: {words(doubt)}" in text for doubt in bounds.doubts)
-    n = len(bounds.doubts)
-    assert ("A warning says what" if n == 1 else f"{n} warnings say what") in text.partition("Annex")[0]
+    told = "A warning says what" if len(bounds.doubts) == 1 else f"{len(bounds.doubts)} warnings say what"
+    assert told in text.partition("Annex")[0]
 
 
 @pytest.mark.parametrize("subject", ["scene", "black box", "loaded", "comparison"])
@@ -233,7 +236,7 @@ def test_names_are_no_markup(tmp_path, subject):
     elif subject == "scene":
         mb.propagate(rolling(EVIL, EVIL), mb.PolynomialChaos()).report(path, {EVIL: (None, 2)})
     else:
-        bounds = mb.propagate(decay(EVIL, EVIL)[0], mb.PolynomialChaos(), decay(EVIL, EVIL)[1])
+        bounds = decayed(name=EVIL, parameter=EVIL)
         bounds.save(tmp_path / "b.npz")
         (mb.Bounds.load(tmp_path / "b.npz") if subject == "loaded" else bounds).report(path, {EVIL: (None, 2)})
     text = path.read_text()
@@ -268,18 +271,13 @@ def test_comparisons(tmp_path):
 )
 def test_wrong_arguments_are_told_in_one_sentence(tmp_path, monkeypatch, path, limits, why):
     monkeypatch.chdir(tmp_path)
-    bounds = mb.propagate(decay()[0], mb.Vertex(), decay()[1])
-    with pytest.raises(mb.SymmbError, match=why) as error:
-        bounds.report(path, limits)
-    assert "\n" not in str(error.value) and not [*tmp_path.iterdir()]
+    message = refused(why, decayed(mb.Vertex()).report, path, limits, error=mb.SymmbError)
+    assert "\n" not in message and not [*tmp_path.iterdir()]
 
 
 def test_a_part_that_fails_tells_why(tmp_path, monkeypatch):
-    def fails(self):
-        raise mb.PropagationError("3 of 4 runs failed.")
-
-    simulator, box = decay()
-    bounds = mb.propagate(simulator, mb.PolynomialChaos(), box)
+    fails = MagicMock(side_effect=mb.PropagationError("3 of 4 runs failed."))
+    bounds = decayed()
     monkeypatch.setattr(mb.Bounds, "_known_contributions", fails)
     assert "What each parameter contributes 3 of 4 runs failed. Settings" in reported(bounds, tmp_path)[0]
 
@@ -287,7 +285,6 @@ def test_a_part_that_fails_tells_why(tmp_path, monkeypatch):
 SCENE = """
 import numpy as np
 import symmb as mb
-from models import double_pendulum
 
 p = mb.Parameters(speed=1.0)
 ball = mb.Body("ball", 1.0, pose=mb.Particle())
@@ -297,19 +294,8 @@ scene = mb.Scene(
 """
 
 
-def test_the_command_line_asks_for_contributions_once(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "roll.py").write_text(SCENE)
-    asked, own = [], mb.Bounds._known_contributions
-    monkeypatch.setattr(mb.Bounds, "_known_contributions", lambda bounds: asked.append(1) or own(bounds))
-    assert main(["bound", "roll.py", "--report", "r.html"]) == 0
-    assert asked == [1] and "Contributions to the bounds by PolynomialChaos()" in text_of(tmp_path / "r.html")
-
-
 FAILING = """
 import symmb as mb
-from models import double_pendulum
-
 
 def simulator():
     def own(k):
@@ -344,8 +330,11 @@ def test_the_command_makes_runs_for_contributions_only_if_asked(tmp_path, monkey
 def test_the_command_line(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "roll.py").write_text(SCENE)
+    asked, own = [], mb.Bounds._known_contributions
+    monkeypatch.setattr(mb.Bounds, "_known_contributions", lambda bounds: asked.append(1) or own(bounds))
     assert main(["bound", "roll.py", "--limit", "x=:2.3", "--report", "my report.html"]) == 0
     text = text_of(tmp_path / "my report.html")
+    assert asked == [1] and "Contributions to the bounds by PolynomialChaos()" in text
     assert "Limits by PolynomialChaos(): satisfied" in text and "Bounds of roll" in text
     assert "symmb bound roll.py --limit x=:2.3 --report 'my report.html'" in text
     assert main(["bound", "roll.py", "--report", "r.pdf"]) == 2 and "must end in .html" in capsys.readouterr().err

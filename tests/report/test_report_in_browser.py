@@ -57,12 +57,15 @@ def path(request, tmp_path_factory):
     return path
 
 
+def opened(browser, path, width, media="screen", features=(), height=900):
+    browser._call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
+    browser._call("Emulation.setEmulatedMedia", media=media, features=[*features])
+    browser.open(path)
+
+
 @pytest.mark.parametrize(("width", "scheme"), [(SCREEN, "light"), (TELEPHONE, "dark")])
 def test_on_a_screen(browser, path, width, scheme):
-    browser._call("Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1, mobile=False)
-    features = [{"name": "prefers-color-scheme", "value": scheme}]
-    browser._call("Emulation.setEmulatedMedia", media="screen", features=features)
-    browser.open(path)
+    opened(browser, path, width, features=[{"name": "prefers-color-scheme", "value": scheme}])
     assert browser.run("document.documentElement.scrollWidth") <= width
     of_checks = "[...document.querySelectorAll('.limits, .limits *')]"
     assert browser.run(f"{of_checks}.every(e => e.scrollWidth <= e.clientWidth || !e.clientWidth)")
@@ -78,14 +81,10 @@ def test_on_a_screen(browser, path, width, scheme):
 
 
 def test_on_paper(browser, path):
-    browser._call("Emulation.setDeviceMetricsOverride", width=PAPER, height=900, deviceScaleFactor=1, mobile=False)
-    browser._call("Emulation.setEmulatedMedia", media="print", features=[])
-    browser.open(path)
+    opened(browser, path, PAPER, "print")
     assert browser.run("document.documentElement.scrollWidth") <= PAPER
-    hidden = browser.run(
-        "[...document.querySelectorAll('iframe, details, summary')].every(e => !e.getClientRects().length)"
-    )
-    assert hidden
+    hidden = "[...document.querySelectorAll('iframe, details, summary')]"
+    assert browser.run(f"{hidden}.every(e => !e.getClientRects().length)")
     heads = "[...document.querySelectorAll('h2, .contributions pre')]"  # none stands alone at the foot of a page
     assert browser.run(f"{heads}.every(e => getComputedStyle(e).breakAfter === 'avoid')")
     assert browser.run("[...document.querySelectorAll('.printed img')].every(e => e.clientHeight > 100)")
@@ -98,9 +97,7 @@ def test_the_inner_page_works(browser, tmp_path):
     """Its scripts run without an error. The browser shows it in a process of its own, so it is opened alone here."""
     bounds, limits = pendulum()
     bounds.report(tmp_path / "r.html", limits)
-    browser._call("Emulation.setEmulatedMedia", media="screen", features=[])
-    browser._call("Emulation.setDeviceMetricsOverride", width=TELEPHONE, height=640, deviceScaleFactor=1, mobile=False)
-    browser.open(tmp_path / "r.html")
+    opened(browser, tmp_path / "r.html", TELEPHONE, height=640)
     (tmp_path / "inner.html").write_text(browser.run("document.querySelector('iframe').srcdoc"))
     browser.open(tmp_path / "inner.html")
     assert browser.run("symmb.parts().length") > 3

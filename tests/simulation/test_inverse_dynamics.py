@@ -5,6 +5,7 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 import pytest
+from machines import rods
 from numpy.testing import assert_allclose
 
 import symmb as mb
@@ -69,24 +70,23 @@ def newton_euler(q, v, a):
     return torques
 
 
-@pytest.mark.parametrize("coordinates", ["body", "joint"])
-def test_torques_of_an_arm_by_newton_and_euler(coordinates):
-    times = np.linspace(0, 1, 6)
-    run = mb.simulate(arm(times, coordinates), TIGHT)
-    expected = np.array([newton_euler(*np.array(motion(t))) for t in times])
-    assert_allclose(run.values, expected, rtol=0, atol=1e-10 * np.abs(expected).max())
-    assert not run.doubts
-
-
-def test_torques_of_an_arm_by_pinocchio():
+def pinocchio(q, v, a):
+    """Torques (N,) of the joints by Pinocchio."""
     pin = pytest.importorskip("pinocchio")
     model, joint = pin.Model(), 0
     for hinge, axis, mass, com, inertia in links():
         joint = model.addJoint(joint, pin.JointModelRevoluteUnaligned(axis), pin.SE3(np.eye(3), hinge), "")
         model.appendBodyToJoint(joint, pin.Inertia(mass, com, inertia), pin.SE3.Identity())
+    return pin.rnea(model, model.createData(), q, v, a)
+
+
+@pytest.mark.parametrize("by, coordinates", [(newton_euler, "body"), (newton_euler, "joint"), (pinocchio, None)])
+def test_torques_of_an_arm(by, coordinates):
     times = np.linspace(0, 1, 6)
-    expected = np.array([pin.rnea(model, model.createData(), *np.array(motion(t))) for t in times])
-    assert_allclose(mb.simulate(arm(times), TIGHT).values, expected, rtol=0, atol=1e-10 * np.abs(expected).max())
+    run = mb.simulate(arm(times, coordinates), TIGHT)
+    expected = np.array([by(*np.array(motion(t))) for t in times])
+    assert_allclose(run.values, expected, rtol=0, atol=1e-10 * np.abs(expected).max())
+    assert not run.doubts
 
 
 def moving_frames(leg_mass):
@@ -167,17 +167,12 @@ def test_forces_of_a_stewart_platform_by_newton_and_euler(coordinates):
 
 
 def test_bounds_of_the_torque_that_a_pendulum_needs():
-    p = mb.Parameters(mass=2.0, length=0.8)
-    rod = mb.Body("rod", p.mass, p.mass * p.length**2 / 12)
-    hinge = mb.Revolute("hinge", mb.Ground().point(0, 0), rod.point(-p.length / 2, 0))
-    angle = 0.5 * mb.t**2
-    system = mb.System(rod, hinge, mb.Motion("motor", hinge.angle, angle), mb.Gravity(0, -9.81), parameters=p)
-    times = np.linspace(0, 1, 6)
-    outputs = {"torque": -system.lam("motor")[0]}
-    scene = mb.Scene(system, times=times, outputs=outputs, box=mb.Box(mass=(1.9, 2.1), length=(0.7, 0.9)))
+    times, box = np.linspace(0, 1, 6), mb.Box(mass=(1.9, 2.1), length=(0.7, 0.9))
+    machine = rods(1, lambda m: mb.Motion("motor", m.hinges[0].angle, 0.5 * mb.t**2), mass=2.0, length=0.8)
+    scene = machine.scene({"torque": -machine.system.lam("motor")[0]}, times, box=box)
     bounds = mb.propagate(scene, mb.PolynomialChaos())
 
     def torque(m, length):
-        return m * length**2 / 3 + m * 9.81 * length / 2 * np.cos(0.5 * times**2)
+        return m * length**2 / 3 + m * 9.81 * length / 2 * np.sin(0.5 * times**2)
 
     assert_allclose(bounds["torque"], [torque(1.9, 0.7), torque(2.1, 0.9)], rtol=1e-6)

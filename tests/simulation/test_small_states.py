@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from faults import warned
+from machines import spring_mass
 from numpy.testing import assert_allclose
 
 import symmb as mb
@@ -20,8 +22,8 @@ def reaction(A, B, C, M, end, times=(10.0, 1e3)):
 
 @pytest.mark.parametrize(("A", "B", "right"), [(7.89e-10, 1.1e7, 4.715e-10), (9e-10, 0.9e7, None)])
 def test_a_reaction_with_species_that_are_rounding_beside_others_is_doubted(A, B, right):
-    with pytest.warns(mb.SymmbWarning, match=r"Output 'y1' depends on states that are smaller than their absolute tol"):
-        mb.simulate(reaction(A, B, 1.13e3, 1e6, 1e7))
+    told = r"Output 'y1' depends on states that are smaller than their absolute tol"
+    warned(told, mb.simulate, reaction(A, B, 1.13e3, 1e6, 1e7))
     assert mb.simulate(reaction(A, B, 1.13e3, 1e6, 1e5, (1.0, 10.0)))["y1"][-1] > 0
     if right is not None:
         fine = mb.simulate(reaction(A, B, 1.13e3, 1e6, 1e7), mb.CVODES(stiff=True, atol=1e-24))
@@ -30,13 +32,10 @@ def test_a_reaction_with_species_that_are_rounding_beside_others_is_doubted(A, B
 
 def test_small_states_that_follow_others_are_not_doubted():
     """A filter of a signal of 1e-13 beside a motion of 1 m, and one that dies away."""
-    block = mb.Body("block", 1.0, pose=mb.Particle())
-    small = mb.State("small", rate=lambda z: (1e-13 * block.x - z) / 0.1)
     fades = mb.State("fades", rate=lambda z: -z / 0.01)
-    spring = mb.Spring("spring", mb.Ground().point(0, 0), block.point(0, 0), 40.0)
-    start, outputs = {"block.x": 1.0, "small": 0.0, "fades": 1.0}, {"small": small.value, "x": block.x}
-    scene = mb.Scene(mb.System(block, small, fades, spring), start, np.linspace(0, 1, 11), outputs)
-    assert not mb.simulate(scene, mb.CVODES(rtol=1e-6)).doubts
+    machine = spring_mass(lambda m: mb.State("small", rate=lambda z: (1e-13 * m.ball.x - z) / 0.1), fades, stiffness=40)
+    start, outputs = {"ball.x": 1.0, "small": 0.0, "fades": 1.0}, {"small": machine.small.value, "x": machine.ball.x}
+    assert not machine.run(outputs, np.linspace(0, 1, 11), start, solver=mb.CVODES(rtol=1e-6)).doubts
 
 
 def test_outputs_below_all_tolerances_are_not_doubted():

@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
+from machines import GROUND, gears, linkage, pendulum, rods
 from numpy.testing import assert_allclose
 
 import symmb as mb
-
-GROUND = mb.Ground()
 
 
 def velocities(scene):
@@ -28,15 +27,6 @@ def cart(mass=1.0, length=2.0, parameters=None):
         mb.Revolute("pin", wagon.point(0, 0), rod.point(0, length / 2)),
         parameters=parameters,
     )  # fmt: skip
-
-
-def chain(pose, n, ground=True):
-    """Rods of length 1 from the origin downwards, each hinged to the one before it."""
-    inertia = 1 / 12 if isinstance(pose, mb.Planar) else (1 / 12, 1 / 100, 1 / 12)
-    rods = [mb.Body(f"rod{k}", 1.0, inertia, pose) for k in range(n)]
-    tops = [GROUND.point(0, 0), *[rod.point(0, -0.5) for rod in rods]]
-    hinges = [mb.Revolute(f"hinge{k}", tops[k], rod.point(0, 0.5)) for k, rod in enumerate(rods)]
-    return mb.System(*rods, *(hinges if ground else hinges[1:]))
 
 
 @pytest.mark.parametrize("mass", [1e-6, 1.0, 1e6])
@@ -67,7 +57,7 @@ def test_a_rod_that_lies_down_moves_the_cart(angle):
 def test_what_hangs_on_a_turning_rod_turns_with_it_and_what_carries_it_rests(pose, k):
     name = f"rod{k}.omega"
     start = {name: 2.0} if isinstance(pose, mb.Planar) else {name: (0, 0, 2.0)}
-    found = velocities(mb.Scene(chain(pose, 3), start))
+    found = velocities(rods(3, g=None, pose=pose).scene(start=start))
     omega = [found[f"rod{i}.omega" + ("" if isinstance(pose, mb.Planar) else "_z")] for i in range(3)]
     assert_allclose(omega, [0.0 if i < k else 2.0 for i in range(3)], atol=1e-12)
     assert_allclose([found[f"rod{i}.vx"] for i in range(3)], [max(0, 2 * (i - k) + 1) for i in range(3)], atol=1e-12)
@@ -75,39 +65,31 @@ def test_what_hangs_on_a_turning_rod_turns_with_it_and_what_carries_it_rests(pos
 
 @pytest.mark.parametrize("k", [0, 1, 2])
 def test_rods_that_float_follow_the_one_that_is_listed(k):
-    start = {f"rod{k}.vx": 1.0, f"rod{k}.omega": 2.0}
-    found = velocities(mb.Scene(chain(mb.Planar(), 3, ground=False), start, guess={"rod1.y": -1, "rod2.y": -2}))
+    chain, start = rods(3, g=None), {f"rod{k}.vx": 1.0, f"rod{k}.omega": 2.0}
+    floating = mb.System(*chain.bodies, *chain.hinges[1:], parameters=chain.p)
+    found = velocities(mb.Scene(floating, start, guess={"rod1.y": -1, "rod2.y": -2}))
     assert_allclose([found[f"rod{i}.omega"] for i in range(3)], 2, atol=1e-12)
     assert_allclose([found[f"rod{i}.vx"] for i in range(3)], [1 + 2 * (i - k) for i in range(3)], atol=1e-12)
 
 
 def test_a_drive_of_one_joint_leaves_the_others_at_rest():
-    system = chain(mb.Planar(), 3)
-    rods = system.bodies
-    drive = mb.Motion("drive", rods[1].theta - rods[0].theta, 0.4 * mb.t)
-    found = velocities(mb.Scene(mb.System(*system.elements, drive)))
+    drive = lambda m: mb.Motion("drive", m.rod1.theta - m.rod0.theta, 0.4 * mb.t)  # noqa: E731
+    found = velocities(rods(3, drive, g=None).scene())
     assert_allclose([found[f"rod{i}.omega"] for i in range(3)], [0, 0.4, 0.4], atol=1e-12)
 
 
 def test_a_wheel_rolls_with_its_cart_and_gears_turn_together():
     wagon, wheel = mb.Body("cart", 1.0, 1.0), mb.Body("wheel", 1.0, 1.0)
-    elements = (
+    rolling = mb.System(
         wagon, wheel,
         mb.Prismatic("rail", GROUND.point(0, 0), wagon.point(0, 0), axis=(1, 0, 0)),
         mb.Revolute("axle", wagon.point(0, 0), wheel.point(0, 0)),
         mb.VelocityConstraint("rolling", (wheel.vx + 0.25 * wheel.omega,)),
     )  # fmt: skip
-    for start in ({"cart.vx": 1.0}, {"wheel.omega": -4.0}):
-        assert_allclose(values(mb.Scene(mb.System(*elements), start), "cart.vx", "wheel.omega"), [1, -4], atol=1e-12)
-    a, b = mb.Body("a", 1.0, 1.0), mb.Body("b", 1.0, 1.0)
-    pins = [
-        mb.Revolute(f"pin {body.name}".replace(" ", "_"), GROUND.point(x, 0), body.point(0, 0))
-        for x, body in ((0, a), (3, b))
-    ]
-    gear = mb.Gear("gear", a.point(0, 0), b.point(0, 0), ratio=-0.5)
-    for start in ({"a.omega": 4.0}, {"b.omega": -2.0}):
-        rates = values(mb.Scene(mb.System(a, b, *pins, gear), start), "a.omega", "b.omega")
-        assert_allclose(rates, [4, -2], atol=1e-12)
+    turning = gears(ratio=-0.5).system
+    for system, rates in ((rolling, {"cart.vx": 1.0, "wheel.omega": -4.0}), (turning, {"a.omega": 4.0, "b.omega": -2})):
+        for name, rate in rates.items():
+            assert_allclose(values(mb.Scene(system, {name: rate}), *rates), [*rates.values()], atol=1e-12)
 
 
 MASSES = np.array([1.0, 2.0, 0.5, 3.0])
@@ -117,20 +99,17 @@ PINS = np.array([[0, 0], [0, 1], [0.8, 1.7], [1.6, 1.2], [1.5, 0]])
 def five_bar(speed=0.0, unit=1.0, listed="bar0.omega", value=1.0):
     """Four bars between five pins, the first and the last one on a wagon that moves at a speed; a pendulum on bar 2."""
     wagon = mb.Body("wagon", 5.0, unit**2)
-    ends = np.diff(PINS, axis=0) * unit
-    lengths, angles = np.hypot(*ends.T), np.arctan2(ends[:, 1], ends[:, 0])
+    along = np.diff(PINS, axis=0) * unit
+    lengths, angles = np.hypot(*along.T), np.arctan2(along[:, 1], along[:, 0])
     bars = [mb.Body(f"bar{k}", m, m * a**2 / 12) for k, (m, a) in enumerate(zip(MASSES, lengths, strict=True))]
     hanging = mb.Body("hanging", 1.0, 0.1 * unit**2)
-    pins = [
-        mb.Revolute(f"pin{k}", bars[k - 1].point(lengths[k - 1] / 2, 0), bars[k].point(-lengths[k] / 2, 0))
-        for k in (1, 2, 3)
-    ]
+    ends = [(bar.point(-a / 2, 0), bar.point(a / 2, 0)) for bar, a in zip(bars, lengths, strict=True)]
+    pins = [mb.Revolute(f"pin{k + 1}", ends[k][1], ends[k + 1][0]) for k in range(3)]
     system = mb.System(
         wagon, *bars, hanging,
         mb.Prismatic("rail", GROUND.point(0, 0), wagon.point(0, 0), axis=(1, 0, 0)),
-        mb.Revolute("pin0", wagon.point(0, 0), bars[0].point(-lengths[0] / 2, 0)),
-        *pins,
-        mb.Revolute("pin4", wagon.point(*(PINS[4] * unit)), bars[3].point(lengths[3] / 2, 0)),
+        mb.Revolute("pin0", wagon.point(0, 0), ends[0][0]), *pins,
+        mb.Revolute("pin4", wagon.point(*(PINS[4] * unit)), ends[3][1]),
         mb.Revolute("hook", bars[2].point(0, 0), hanging.point(0, 0.3 * unit)),
     )  # fmt: skip
     middles = (PINS[1:] + PINS[:-1]) / 2 * unit
@@ -191,16 +170,10 @@ def test_start_velocities_have_derivatives_by_parameters():
 
 def test_a_listed_speed_that_vanishes_at_the_nominal_parameters_moves_what_it_must():
     """The weld turns with the rod that carries it, for every sample."""
-    p = mb.Parameters(w=0.0)
-    rod, flag = mb.Body("rod", 1.0, 0.1), mb.Body("flag", 1.0, 0.1)
-    system = mb.System(
-        rod, flag,
-        mb.Revolute("hinge", GROUND.point(0, 0), rod.point(0, 0.5)),
-        mb.Weld("weld", rod.point(0, -0.5), flag.point(0, 0)),
-        parameters=p,
-    )  # fmt: skip
-    start = mb.DAESimulator(mb.Scene(system, {"flag.omega": p.w}), mb.DormandPrince()).start
-    x, reasons = start.states(np.array([[0.0], [3.0]]))
+    flag = mb.Body("flag", 1.0, 0.1)
+    rod = pendulum(flag, lambda m: mb.Weld("weld", m.rod.point(0.5, 0), flag.point(0, 0)), length=0.5, g=None, w=0.0)
+    start = mb.DAESimulator(rod.scene(start={"flag.omega": rod.p.w}), mb.DormandPrince()).start
+    x, reasons = start.states(np.array([[*rod.p.values()][:-1] + [w] for w in (0.0, 3.0)]))
     assert reasons == ("", "")
     assert_allclose(x[:, start.dae.n_q + start.dae.v_names.index("rod.omega")], [0, 3], atol=1e-12)
 
@@ -219,17 +192,9 @@ def test_bodies_without_mass_start_as_well():
 @pytest.mark.parametrize("angle", [1e-2, 1e-3, 1e-4, 3e-5, 1e-6])
 def test_a_parallelogram_starts_close_to_its_change_point(angle):
     """Its cranks turn alike and its coupler does not turn."""
-    cranks = [mb.Body(name, 1.0, 0.1) for name in ("left", "right")]
-    coupler = mb.Body("coupler", 1.0, 0.1)
-    system = mb.System(
-        cranks[0], coupler, cranks[1],
-        mb.Revolute("A", GROUND.point(0, 0), cranks[0].point(-0.5, 0)),
-        mb.Revolute("B", cranks[0].point(0.5, 0), coupler.point(-1, 0)),
-        mb.Revolute("C", coupler.point(1, 0), cranks[1].point(0.5, 0)),
-        mb.Revolute("D", GROUND.point(2, 0), cranks[1].point(-0.5, 0)),
-    )  # fmt: skip
-    scene = mb.Scene(system, {"left.theta": angle, "left.omega": 1.0}, [0.0, 0.1], guess={"right.theta": angle})
+    cranks = linkage(lengths=(1.0, 2.0, 1.0, 2.0))
+    scene = cranks.scene(None, [0.0, 0.1], {"crank.theta": angle, "crank.omega": 1.0}, guess={"rocker.theta": angle})
     expected = [1, 1, 0, -np.sin(angle), np.cos(angle)]
-    names = ("left.omega", "right.omega", "coupler.omega", "coupler.vx", "coupler.vy")
+    names = ("crank.omega", "rocker.omega", "coupler.omega", "coupler.vx", "coupler.vy")
     assert_allclose(values(scene, *names), expected, rtol=0, atol=1e-7)
-    assert mb.DAESimulator(scene, mb.DormandPrince()).run(np.zeros((3, 0))).ok.all()
+    assert mb.DAESimulator(scene, mb.DormandPrince()).run(np.tile([*cranks.p.values()], (3, 1))).ok.all()

@@ -6,20 +6,17 @@ import casadi as ca
 import numpy as np
 import pytest
 from bricks import bar
+from faults import refused
+from joints import random_state
+from machines import ORIGIN, run_of
 from particles import accelerations, particle_modes
 from problems import read
 
 import symmb as mb
 
 POSES = {"planar": mb.Planar, "spatial": mb.Spatial}
-
-
-def random_state(dae: mb.DAESimulator, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:
-    rng = np.random.default_rng(seed)
-    q, v = rng.normal(size=dae.n_q), rng.normal(size=dae.n_v)
-    at = [i for i, name in enumerate(dae.q_names) if name.rpartition(".")[2] in ("e0", "e1", "e2", "e3")]
-    q[at] /= np.linalg.norm(q[at]) or 1.0
-    return q, v
+FINE = mb.DormandPrince(rtol=1e-12)
+poses = pytest.mark.parametrize("pose", POSES)
 
 
 def undamped(modes: mb.Modes) -> mb.Modes:
@@ -27,45 +24,37 @@ def undamped(modes: mb.Modes) -> mb.Modes:
 
 
 @pytest.mark.parametrize("n", [1, 4])
-@pytest.mark.parametrize("pose", POSES)
+@poses
 def test_mass_matrix_and_accelerations_are_those_of_the_particles(pose: str, n: int) -> None:
     planar = pose == "planar"
     modes, masses, *_ = particle_modes(n, planar)
     body = mb.FlexibleBody("body", modes, POSES[pose]())
     gravity = np.array([1.0, -9.81, 0.0 if planar else 2.0])
     dae = mb.compile_dae(mb.System(body, mb.Gravity(*gravity)))
-    q, v = random_state(dae)
+    q, v = random_state(dae, np.random.default_rng(1))
     A, b = (np.asarray(part) for part in accelerations(body, masses, gravity)(q, v))
     assert np.asarray(dae.M(q, v, [], 0.0)) == pytest.approx(A, abs=1e-12)
     assert np.asarray(dae.rhs(q, v, [], 0.0)[1]).ravel() == pytest.approx(-np.linalg.solve(A, b).ravel(), abs=1e-11)
 
 
-@pytest.mark.parametrize("pose", POSES)
+@poses
 def test_without_modes_it_is_the_rigid_body(pose: str) -> None:
     planar = pose == "planar"
     whole, *_ = particle_modes(1, planar)
     c, m = whole.center, whole.mass
     about_c = whole.J0 - m * (c @ c * np.eye(3) - np.outer(c, c))
     turned = replace(whole, J0=about_c, center=np.zeros(3))
-    none = {
-        "J1": np.zeros((0, 3, 3)), "J2": np.zeros((0, 0, 3, 3)), "S": np.zeros((3, 0)), "G0": np.zeros((3, 0)),
-        "G1": np.zeros((0, 3, 0)), "stiffness": np.zeros(0), "damping": np.zeros(0),
-        "shapes": np.zeros((12, 3, 0)), "rotations": np.zeros((12, 3, 0)),
-        "S2": np.zeros((3, 0, 0)), "shapes2": np.zeros((12, 3, 0, 0)),
+    empty = {
+        "J1": (0, 3, 3), "J2": (0, 0, 3, 3), "S": (3, 0), "G0": (3, 0), "G1": (0, 3, 0), "stiffness": 0, "damping": 0,
+        "shapes": (12, 3, 0), "rotations": (12, 3, 0), "S2": (3, 0, 0), "shapes2": (12, 3, 0, 0),
     }  # fmt: skip
-    ground = mb.Ground()
+    none = {name: np.zeros(shape) for name, shape in empty.items()}
 
     def swing(body: mb.Body) -> mb.Trajectory:
-        joint = mb.Revolute if planar else mb.Spherical
-        system = mb.System(
-            body,
-            joint("hinge", ground.point(0, 0), body.point(*whole.positions[0])),
-            mb.Gravity(0.5, -9.81),
-            mb.Force("push", body.point(*whole.positions[1]), (3.0, ca.sin(5 * mb.t))),
-        )
-        spin = {"body.omega": 1.0 if planar else (1.0, 2.0, 3.0)}
-        scene = mb.Scene(system, start=spin, times=np.linspace(0, 1, 11), coordinates="body")
-        return mb.simulate(scene, mb.DormandPrince(rtol=1e-12))
+        hinge = (mb.Revolute if planar else mb.Spherical)("hinge", ORIGIN, body.point(*whole.positions[0]))
+        push = mb.Force("push", body.point(*whole.positions[1]), (3.0, ca.sin(5 * mb.t)))
+        scene = {"start": {"body.omega": 1.0 if planar else (1.0, 2.0, 3.0)}, "times": np.linspace(0, 1, 11)}
+        return run_of(body, hinge, push, mb.Gravity(0.5, -9.81), **scene, coordinates="body", solver=FINE)
 
     inertia = float(about_c[2, 2]) if planar else (about_c + about_c.T) / 2
     rigid = swing(mb.Body("body", whole.mass, inertia, POSES[pose]()))
@@ -73,14 +62,14 @@ def test_without_modes_it_is_the_rigid_body(pose: str) -> None:
     assert flexible.x == pytest.approx(rigid.x, abs=1e-12)
 
 
-@pytest.mark.parametrize("pose", POSES)
+@poses
 def test_a_node_carries_a_frame_that_moves_as_it_says(pose: str) -> None:
     planar = pose == "planar"
     modes, *_ = particle_modes(3, planar)
     turning = np.random.default_rng(2).normal(size=modes.rotations.shape) * ([[0.0], [0.0], [1.0]] if planar else 1.0)
     body = mb.FlexibleBody("body", replace(modes, rotations=turning), POSES[pose]())
     frame = body.node(3).body.frame
-    q, v = random_state(mb.compile_dae(mb.System(body)))
+    q, v = random_state(mb.compile_dae(mb.System(body)), np.random.default_rng(1))
     velocity = ca.jtimes(frame.r, frame.q, frame.rate)
     spin = ca.inv_skew(frame.R.T @ ca.reshape(ca.jtimes(ca.vec(frame.R), frame.q, frame.rate), 3, 3))
     twist = ca.Function("twist", [frame.q, frame.v], [ca.vertcat(velocity, spin), frame.S @ frame.v])
@@ -93,7 +82,7 @@ def test_a_node_carries_a_frame_that_moves_as_it_says(pose: str) -> None:
     assert R @ R.T == pytest.approx(np.eye(3), abs=1e-12)
 
 
-@pytest.mark.parametrize("pose", POSES)
+@poses
 def test_energy_and_momentum_are_kept(pose: str) -> None:
     planar = pose == "planar"
     modes, masses, *_ = particle_modes(3, planar)
@@ -103,31 +92,25 @@ def test_energy_and_momentum_are_kept(pose: str) -> None:
     moments = [ca.dot(masses, ca.vertcat(*[n.velocity[i] for n in nodes])) for i in range(3)]
     spins = [sum(m * ca.cross(n.r, n.velocity)[i] for m, n in zip(masses, nodes, strict=True)) for i in range(3)]
     outputs = {f"{what}{i}": value for what, values in (("p", moments), ("L", spins)) for i, value in enumerate(values)}
-    scene = mb.Scene(mb.System(body), start=start, times=np.linspace(0, 5, 21), outputs=outputs)
-    found = mb.simulate(scene, mb.DormandPrince(rtol=1e-12))
+    found = run_of(body, start=start, times=np.linspace(0, 5, 21), outputs=outputs, solver=FINE)
     assert found.energy_drift < 1e-10
-    values = np.column_stack([found[name] for name in outputs])
-    assert values == pytest.approx(np.tile(values[0], (21, 1)), abs=1e-9)
-    assert np.abs(values[0]).max() > 1
+    assert found.values == pytest.approx(np.tile(found.values[0], (21, 1)), abs=1e-9)
+    assert np.abs(found.values[0]).max() > 1
 
 
 def test_work_of_damping_is_counted() -> None:
-    modes, *_ = particle_modes(2)
-    body = mb.FlexibleBody("body", modes)
-    scene = mb.Scene(mb.System(body), start={"body.eta1": 0.3}, times=np.linspace(0, 5, 21))
-    found = mb.simulate(scene, mb.DormandPrince(rtol=1e-12))
+    body = mb.FlexibleBody("body", particle_modes(2)[0])
+    found = run_of(body, start={"body.eta1": 0.3}, times=np.linspace(0, 5, 21), solver=FINE)
     assert found.energy_drift < 1e-10
     kinetic, potential, _ = found.energy
     assert (kinetic + potential)[-1] < 0.9 * potential[0]
 
 
 def test_a_force_at_a_node_does_the_work_of_its_displacement() -> None:
-    modes, *_ = particle_modes(3)
-    body = mb.FlexibleBody("body", undamped(modes))
-    system = mb.System(body, mb.Force("push", body.node(5), (1.0, -2.0, 0.5)))
-    scene = mb.Scene(system, times=np.linspace(0, 2, 11), outputs={k: getattr(body.node(5), k) for k in "xyz"})
-    found = mb.simulate(scene, mb.DormandPrince(rtol=1e-12))
-    moved = np.column_stack([found[k] - found[k][0] for k in "xyz"]) @ [1.0, -2.0, 0.5]
+    body = mb.FlexibleBody("body", undamped(particle_modes(3)[0]))
+    push, outputs = mb.Force("push", body.node(5), (1.0, -2.0, 0.5)), {k: getattr(body.node(5), k) for k in "xyz"}
+    found = run_of(body, push, times=np.linspace(0, 2, 11), outputs=outputs, solver=FINE)
+    moved = (found.values - found.values[0]) @ [1.0, -2.0, 0.5]
     kinetic, potential, work = found.energy
     assert work == pytest.approx(moved, abs=1e-9)
     assert kinetic + potential == pytest.approx(moved, abs=1e-9)
@@ -135,16 +118,13 @@ def test_a_force_at_a_node_does_the_work_of_its_displacement() -> None:
 
 def test_reaction_of_a_hinge_at_a_node_balances_gravity_and_momentum() -> None:
     modes, masses, *_ = particle_modes(2)
-    body, ground = mb.FlexibleBody("body", modes), mb.Ground()
-    system = mb.System(body, mb.Spherical("ball", ground.point(0, 0, 0), body.node(4)), mb.Gravity(0, 0, -9.81))
-    reaction = system.reaction("ball")
-    outputs = {f"f{k}": getattr(reaction, f"f{k}") for k in "xyz"}
-    outputs |= {
-        f"p{k}": ca.dot(masses, ca.vertcat(*[body.node(n).velocity["xyz".index(k)] for n in range(12)])) for k in "xyz"
-    }
-    times = np.linspace(0, 0.2, 2001)
+    body, times = mb.FlexibleBody("body", modes), np.linspace(0, 0.2, 2001)
+    system = mb.System(body, mb.Spherical("ball", ORIGIN, body.node(4)), mb.Gravity(0, 0, -9.81))
+    momentum = sum(m * body.node(n).velocity for n, m in enumerate(masses))
+    outputs = {f"f{k}": getattr(system.reaction("ball"), f"f{k}") for k in "xyz"}
+    outputs |= {f"p{k}": momentum[i] for i, k in enumerate("xyz")}
     scene = mb.Scene(system, start={"body.rotation": mb.rotation((1, 0, 0), 0.3)}, times=times, outputs=outputs)
-    found = mb.simulate(scene, mb.DormandPrince(rtol=1e-12))
+    found = mb.simulate(scene, FINE)
     for k, weight in zip("xyz", (0.0, 0.0, -9.81 * masses.sum()), strict=True):
         rate = np.gradient(found[f"p{k}"], times, edge_order=2)[5:-5]
         assert found[f"f{k}"][5:-5] + weight == pytest.approx(rate, abs=2e-3 * np.abs(rate).max())
@@ -156,10 +136,10 @@ def test_a_tumbling_bar_moves_as_in_exudyn() -> None:
     positions, K, M = bar()
     body = mb.FlexibleBody("bar", mb.FiniteElements.matrices(positions, K, M).modes(count=known["modes"]))
     corner = body.node(len(positions) - 1)
-    system = mb.System(body, mb.Gravity(*known["gravity"]), mb.Force("pull", body.node(0), known["pull"]))
-    outputs = {k: getattr(corner, k) for k in "xyz"}
-    scene = mb.Scene(system, {"bar.omega": known["omega"]}, known["times"], outputs)
-    assert mb.simulate(scene).values == pytest.approx(np.array(known["corner"]), abs=5e-6)
+    loads = mb.Gravity(*known["gravity"]), mb.Force("pull", body.node(0), known["pull"])
+    scene = {"start": {"bar.omega": known["omega"]}, "times": known["times"]}
+    run = run_of(body, *loads, **scene, outputs={k: getattr(corner, k) for k in "xyz"})
+    assert run.values == pytest.approx(np.array(known["corner"]), abs=5e-6)
 
 
 @pytest.mark.parametrize(
@@ -175,5 +155,4 @@ def test_a_tumbling_bar_moves_as_in_exudyn() -> None:
     ],
 )
 def test_faults_are_told(build, told: str) -> None:
-    with pytest.raises(mb.DeclarationError, match=told):
-        build(particle_modes(2)[0])
+    refused(told, build, particle_modes(2)[0])

@@ -1,6 +1,5 @@
 """Nodes and matrices from files of other programs: Nastran's cards and meshes that meshio reads."""
 
-import re
 from pathlib import Path
 
 import numpy as np
@@ -151,14 +150,6 @@ FAULTS = {
 }
 
 
-@pytest.mark.parametrize("case", FAULTS)
-def test_faults_of_matrices_are_one_sentence(case, tmp_path):
-    text, message = FAULTS[case]
-    (tmp_path / "K.pch").write_text(text)
-    with told_in_a_line(rf"{message}(.|\n)*\.$"):
-        mb.FiniteElements.matrices(POSITIONS, tmp_path / "K.pch", M)
-
-
 GRIDS = {
     "no node": ("BEGIN BULK\n", "has no GRID card"),
     "twice": ("GRID,1,,0.,0.,0.\nGRID,1,,1.,0.,0.\n", "line 2, GRID: node 1 appears twice"),
@@ -170,15 +161,16 @@ GRIDS = {
 }
 
 
-@pytest.mark.parametrize("case", GRIDS)
-def test_faults_of_nodes_are_one_sentence(case, tmp_path):
-    text, message = GRIDS[case]
-    (tmp_path / "mesh.bdf").write_text(text)
-    refused(message, mb.FiniteElements.matrices, tmp_path / "mesh.bdf", BEAM, BEAM)
+@pytest.mark.parametrize(("faults", "case"), [*((FAULTS, case) for case in FAULTS), *((GRIDS, case) for case in GRIDS)])
+def test_faults_of_matrices_and_nodes_are_one_sentence(faults, case, tmp_path):
+    text, message = faults[case]
+    (path := tmp_path / "faults.pch").write_text(text)
+    with told_in_a_line(rf"{message}(.|\n)*\.$"):
+        mb.FiniteElements.matrices(*((POSITIONS, path, M) if faults is FAULTS else (path, BEAM, BEAM)))
 
 
 def test_a_file_that_is_not_there_and_one_that_is_binary(tmp_path):
-    with pytest.raises(mb.SymmbError, match=re.escape("none.pch' cannot be read")):
-        mb.FiniteElements.matrices(POSITIONS, tmp_path / "none.pch", M)
+    told, matrices = r"none\.pch' cannot be read", mb.FiniteElements.matrices
+    refused(told, matrices, POSITIONS, tmp_path / "none.pch", M, error=mb.SymmbError)
     (tmp_path / "K.pch").write_bytes(bytes(range(256)) * 10)
-    refused("no matrix DMIG", mb.FiniteElements.matrices, POSITIONS, tmp_path / "K.pch", M)
+    refused("no matrix DMIG", matrices, POSITIONS, tmp_path / "K.pch", M)

@@ -28,14 +28,9 @@ def test_a_file_by_others_needs_arrays_and_layout_only(tmp_path):
     assert Modes.load(tmp_path / "own.npz").frequencies == pytest.approx(MODES.frequencies)
 
 
-def test_nearest_node():
-    place = MODES.positions[7]
-    assert MODES.nearest(*(place + 1e-3)) == 7
-
-
-def test_values_cannot_be_changed():
-    with pytest.raises(ValueError, match="read-only"):
-        MODES.J0[0, 0] = 1.0
+def test_the_nearest_node_is_found_and_values_cannot_be_changed():
+    assert MODES.nearest(*(MODES.positions[7] + 1e-3)) == 7
+    refused("read-only", MODES.J0.fill, 1.0, error=ValueError)
 
 
 @pytest.mark.parametrize(
@@ -55,20 +50,18 @@ def test_wrong_arrays(change, message):
     refused(message, replace, MODES, **change)
 
 
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        ({**ARRAYS}, "layout is missing"),
-        ({**ARRAYS, "layout": "symmb modes 0"}, "layout must be 'symmb modes 1', got 'symmb modes 0'"),
-        (
-            {"layout": "symmb modes 1", "mass": 1.0, "extra": 2.0},
-            r"missing arrays: \['G0', .*\]; unknown arrays: \['extra'\]\. The",
-        ),
-        ({**ARRAYS, "layout": "symmb modes 1", "J0": np.eye(2)}, r"J0 must be an array of the shape \(3, 3\)"),
-    ],
-    ids=["no layout", "another layout", "names", "shape"],
-)
-def test_wrong_files(tmp_path, content, message):
+LAYOUT = {"layout": "symmb modes 1"}
+FILES = {
+    "no layout": (ARRAYS, "layout is missing"),
+    "another layout": (ARRAYS | {"layout": "symmb modes 0"}, "layout must be 'symmb modes 1', got 'symmb modes 0'"),
+    "names": (LAYOUT | {"mass": 1.0, "extra": 2.0}, r"missing arrays: \['G0', .*\]; unknown arrays: \['extra'\]\. The"),
+    "shape": (ARRAYS | LAYOUT | {"J0": np.eye(2)}, r"J0 must be an array of the shape \(3, 3\)"),
+}
+
+
+@pytest.mark.parametrize("kind", FILES)
+def test_wrong_files(tmp_path, kind):
+    content, message = FILES[kind]
     np.savez(tmp_path / "wrong.npz", **content)
     refused(message, Modes.load, tmp_path / "wrong.npz")
 
@@ -79,5 +72,4 @@ def test_a_file_that_is_no_archive(tmp_path):
         np.save(file, np.zeros(3))
     for name in ("text.npz", "array.npz"):
         refused("does not hold saved Modes", Modes.load, tmp_path / name)
-    with pytest.raises(FileNotFoundError):
-        Modes.load(tmp_path / "none.npz")
+    refused(None, Modes.load, tmp_path / "none.npz", error=FileNotFoundError)

@@ -1,15 +1,23 @@
 """Reduction to modes: natural frequencies, static exactness at interfaces, selection, stiffening by rotation."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from problems import read
 from scipy.linalg import eigh
+from scipy.spatial.transform import Rotation
 from structures import STEEL, cantilever, dofs, frame, frequencies, lattice
 
 from symmb import Beam, FiniteElements, Section
 
 TAU = 2 * np.pi
 TUBE = Section.circle(0.02, 0.01)
+
+
+def of_dofs(modes):
+    """Shapes (6 k, n) in all degrees of freedom."""
+    return np.hstack([modes.shapes, modes.rotations]).reshape(-1, len(modes.stiffness))
 
 
 def rigid(positions):
@@ -42,7 +50,7 @@ def test_modes_of_one_frequency_lie_along_the_axes(elements):
 def test_modes_are_orthonormal_and_positive_where_largest():
     structure = frame(elements=16)
     modes = structure.modes(count=15)
-    X = np.hstack([modes.shapes, modes.rotations]).reshape(-1, 15)
+    X = of_dofs(modes)
     assert X.T @ structure.M @ X == pytest.approx(np.eye(15), abs=1e-10)
     assert X.T @ structure.K @ X == pytest.approx(np.diag(modes.stiffness), abs=1e-7 * modes.stiffness[-1])
     flat = modes.shapes.reshape(-1, 15)
@@ -53,50 +61,44 @@ def test_a_free_body_moves_neither_its_centre_nor_its_momentum():
     structure = frame()
     modes = structure.modes(interfaces=[0, 8], count=12)
     assert not modes.S.any() and not modes.G0.any() and not modes.center.any()
-    X = np.hstack([modes.shapes, modes.rotations]).reshape(-1, 12)
-    assert rigid(modes.positions).T @ structure.M @ X == pytest.approx(np.zeros((6, 12)), abs=1e-12)
+    momenta = rigid(modes.positions).T @ structure.M @ of_dofs(modes)
+    assert momenta == pytest.approx(np.zeros((6, 12)), abs=1e-12)
 
 
 def test_static_loads_at_interfaces_of_a_clamped_body():
     structure = frame()
     modes = structure.modes(clamped=0, interfaces=[8, 12], cutoff=100.0)
-    load = np.arange(1.0, 13.0) * (-1) ** np.arange(12)
-    loaded = dofs([8, 12])
     force = np.zeros(structure.K.shape[0])
-    force[loaded] = load
+    force[dofs([8, 12])] = np.arange(1.0, 13.0) * (-1) ** np.arange(12)
     whole = np.linalg.solve(structure.K.toarray()[6:, 6:], force[6:])
-    X = np.hstack([modes.shapes, modes.rotations]).reshape(-1, len(modes.stiffness))
+    X = of_dofs(modes)
     assert X[6:] @ ((X.T @ force) / modes.stiffness) == pytest.approx(whole, rel=1e-9, abs=1e-9 * np.abs(whole).max())
 
 
 def test_static_loads_in_balance_at_interfaces_of_a_free_body():
     structure = frame()
     modes = structure.modes(interfaces=[0, 8, 12], count=12)
-    place = rigid(modes.positions)
-    load = np.zeros(structure.K.shape[0])
+    place, load = rigid(modes.positions), np.zeros(structure.K.shape[0])
     load[dofs([0, 8, 12])] = np.cos(np.arange(18.0))
-    at = place[dofs([0])]
-    load[dofs([0])] -= np.linalg.solve(at.T, place.T @ load)  # what balances the rest
+    load[dofs([0])] -= np.linalg.solve(place[dofs([0])].T, place.T @ load)  # what balances the rest
     assert place.T @ load == pytest.approx(np.zeros(6), abs=1e-12)
     whole = np.zeros(len(load))
     whole[6:] = np.linalg.solve(structure.K.toarray()[6:, 6:], load[6:])
-    X = np.hstack([modes.shapes, modes.rotations]).reshape(-1, 12)
+    X = of_dofs(modes)
     difference = X @ ((X.T @ load) / modes.stiffness) - whole
     left = difference - place @ np.linalg.lstsq(place, difference)[0]
     assert np.abs(left).max() < 1e-9 * np.abs(whole).max()
 
 
 def test_what_count_and_cutoff_choose():
-    structure = frame()
-    shapes = 2 * 6 - 6
-    fixed = frequencies(structure, dofs([0, 8])) / TAU
-    between = (fixed[2] + fixed[3]) / 2
-    assert len(structure.modes(interfaces=[0, 8], cutoff=1e-3).stiffness) == shapes
-    assert len(structure.modes(interfaces=[0, 8], cutoff=between).stiffness) == shapes + 3
-    same = structure.modes(interfaces=[0, 8], count=shapes + 3)
-    assert same.stiffness == pytest.approx(structure.modes(interfaces=[0, 8], cutoff=between).stiffness)
-    assert len(structure.modes(interfaces=[0, 8], cutoff=between, count=4).stiffness) == 4
-    few, natural = structure.modes(interfaces=[0, 8], count=4), structure.modes(count=4)
+    structure, shapes = frame(), 2 * 6 - 6
+    modes = partial(structure.modes, interfaces=[0, 8])
+    between = frequencies(structure, dofs([0, 8]))[2:4].mean() / TAU
+    assert len(modes(cutoff=1e-3).stiffness) == shapes
+    assert len(modes(cutoff=between).stiffness) == shapes + 3
+    assert modes(count=shapes + 3).stiffness == pytest.approx(modes(cutoff=between).stiffness)
+    assert len(modes(cutoff=between, count=4).stiffness) == 4
+    few, natural = modes(count=4), structure.modes(count=4)
     assert len(few.stiffness) == 4
     assert few.frequencies == pytest.approx(natural.frequencies, rel=0.02)
     assert (few.frequencies >= natural.frequencies * (1 - 1e-9)).all()
@@ -128,8 +130,9 @@ def test_nodes_without_rotations_hold_a_body_by_three():
 
 
 def test_damping_by_mode():
-    modes = frame().modes(count=3, damping=[0.01, 0.02, 0.03])
-    assert modes.damping == pytest.approx(2 * np.array([0.01, 0.02, 0.03]) * np.sqrt(modes.stiffness))
+    shares = [0.01, 0.02, 0.03]
+    modes = frame().modes(count=3, damping=shares)
+    assert modes.damping == pytest.approx(2 * np.array(shares) * np.sqrt(modes.stiffness))
     assert frame().modes(count=3, damping=0.01).damping[2] == pytest.approx(modes.damping[2] / 3)
 
 
@@ -150,14 +153,7 @@ def test_rotating_cantilever(spun, speed):
 
 def test_stiffening_turns_with_the_body():
     """All six products of angular velocities: the same beam in other axes has the tensor J2 in those axes."""
-    w, x, y, z = np.array([0.5, -0.3, 0.7, 0.4]) / np.linalg.norm([0.5, -0.3, 0.7, 0.4])
-    Q = np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    Q = Rotation.from_quat([-0.3, 0.7, 0.4, 0.5]).as_matrix()
     points, section = np.array([(0, 0, 0), (1, 0.2, 0), (1.2, 1, 0.3)]), Section.rectangle(0.02, 0.03)
 
     def stiffened(turn):

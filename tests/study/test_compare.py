@@ -1,85 +1,81 @@
-"""What is run on which simulator, how it is timed, and what happens to methods that cannot run."""
+"""What is run on which simulator, how it is timed, methods that cannot run, and checks of others by proved bounds."""
 
 import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import pytest
+from faults import refused, warned
+from machines import ball
 from mechanisms import double_pendulum, double_pendulum_by_hand, explosion
+from small_scenes import state
 
 import symmb as mb
+from symmb.bound.bounds.method import Method
 from symmb.study import compare
 from symmb.study.compare import _doubt_of_reference, compare_simulator, default_methods
-from symmb.study.reference import Reference
+from symmb.study.reference import Reference, _resolutions, find_reference
 
 T = np.linspace(0.0, 1.0, 11)
 BOX = mb.Box(k=(0.5, 1.5))
 
 
-@dataclass
-class Counted:
-    """y = k t + offset; remembers how often it ran."""
-
-    offset: float = 0.0
-    runs: int = 0
-
-    def __call__(self, k):
-        self.runs += 1
-        return k * T + self.offset
+def counted(offset=0.0):
+    """The function y = k t + offset, and the list of its runs."""
+    runs = []
+    return simulator(lambda k: runs.append(k) or k * T + offset), runs
 
 
 def simulator(f):
     return mb.FunctionSimulator(f, {"k": 1.0}, T, ["y"])
 
 
+LINE = simulator(lambda k: k * T)
+
+
 def test_every_method_is_scored_and_timed():
-    result = compare_simulator(simulator(lambda k: k * T), [mb.Vertex(), mb.MonteCarlo(20)], BOX, scene="line")
+    result = compare_simulator(LINE, [mb.Vertex(), mb.MonteCarlo(20)], BOX, scene="line")
     vertex, random = result.rows
     assert (vertex.name, vertex.kind, vertex.evaluations, vertex.failed) == ("Vertex()", "sampled", 2, 0)
     assert vertex.score.error == pytest.approx([0.0], abs=1e-14)
     assert random.score.under[0] > 0.01 and random.score.over == [0.0]
     assert random.run_seconds > 0.0
+    assert result.solver_error is None  # without a tighter simulator
+    assert [row.name for row in mb.compare(LINE, mb.Vertex(), BOX).rows] == ["Vertex()"]  # which need not be in a list
 
 
 def test_the_reference_runs_on_the_tighter_simulator_only():
-    plain, tight = Counted(offset=0.1), Counted()
-    result = compare_simulator(simulator(plain), [mb.Vertex()], BOX, mb.Scanning(5), tighter=simulator(tight))
+    (plain, own_runs), (tight, runs) = counted(0.1), counted()
+    result = compare_simulator(plain, [mb.Vertex()], BOX, mb.Scanning(5), tighter=tight)
     own = 3  # the solver's own error is taken at the centre and two corners
-    assert tight.runs == 5 + own
-    assert plain.runs >= 4 * 2 + own  # one cold and three warm rounds over two vertices
+    assert len(runs) == 5 + own
+    assert len(own_runs) >= 4 * 2 + own  # one cold and three warm rounds over two vertices
     rms_width = np.sqrt(np.mean(T**2))
     assert result.solver_error == pytest.approx([0.1 / rms_width])
     assert result.rows[0].score.error == pytest.approx([0.1 / rms_width])
 
 
-def test_without_a_tighter_simulator_its_own_error_is_not_known():
-    assert compare_simulator(simulator(lambda k: k * T), [mb.Vertex()], BOX).solver_error is None
-
-
-def test_a_method_that_cannot_run_gives_its_reason_and_the_others_go_on():
-    result = compare_simulator(simulator(lambda k: k * T), [mb.Taylor(2), mb.Vertex()], BOX)
+def test_a_method_that_cannot_run_gives_its_reason_and_the_others_if_there_are_any_go_on():
+    result = compare_simulator(LINE, [mb.Taylor(2), mb.PolynomialChaos(budget=1), mb.Vertex()], BOX)
     assert [row.name for row in result.rows] == ["Vertex()"]
-    assert result.not_run[0].name == "Taylor(order=2)"
-    assert "derivatives" in result.not_run[0].reason
-    assert result.not_run[0].reason in " ".join(str(result).split())
-
-
-def test_reasons_name_their_method_once():
-    result = compare_simulator(simulator(lambda k: k * T), [mb.PolynomialChaos(budget=1), mb.Vertex()], BOX)
-    assert result.not_run[0].reason.startswith("the first level takes")
-    with pytest.raises(mb.PropagationError, match=r"run\. PolynomialChaos\(budget=1\): the first level takes"):
-        compare_simulator(simulator(lambda k: k * T), [mb.PolynomialChaos(budget=1)], BOX)
-
-
-def test_a_single_method_need_not_be_in_a_list():
-    assert [row.name for row in mb.compare(simulator(lambda k: k * T), mb.Vertex(), BOX).rows] == ["Vertex()"]
+    taylor, chaos = result.not_run
+    assert taylor.name == "Taylor(order=2)" and "derivatives" in taylor.reason
+    assert taylor.reason in " ".join(str(result).split())
+    assert chaos.reason.startswith("the first level takes")
+    for method, message in (
+        (mb.PolynomialChaos(budget=1), r"run\. PolynomialChaos\(budget=1\): the first level takes"),  # named once
+        (mb.Taylor(1), r"No method could run.*Taylor\(order=1\).*derivatives"),
+    ):
+        refused(message, compare_simulator, LINE, [method], BOX, error=mb.PropagationError)
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
+        (([], BOX), "methods is empty"),
         (([mb.Vertex], BOX), r"compare: got the class Vertex; call it"),
         ((mb.Vertex, BOX), r"compare: got the class Vertex; call it"),
         (("vertx", BOX), "There is no method 'vertx'. Did you mean 'vertex'"),
@@ -90,20 +86,9 @@ def test_a_single_method_need_not_be_in_a_list():
     ],
 )
 def test_slips_are_told_before_anything_runs(arguments, message):
-    f = Counted()
-    with pytest.raises(mb.DeclarationError, match=message):
-        mb.compare(simulator(f), *arguments)
-    assert f.runs == 0
-
-
-def test_no_methods_are_told_before_anything_runs():
-    with pytest.raises(mb.DeclarationError, match="methods is empty"):
-        mb.compare(simulator(pytest.fail), [], BOX)
-
-
-def test_no_method_that_can_run_is_an_error():
-    with pytest.raises(mb.PropagationError, match=r"No method could run.*Taylor\(order=1\).*derivatives"):
-        compare_simulator(simulator(lambda k: k * T), [mb.Taylor(1)], BOX)
+    own, runs = counted()
+    refused(message, mb.compare, own, *arguments)
+    assert not runs
 
 
 def test_threads_change_nothing_but_the_time():
@@ -112,25 +97,17 @@ def test_threads_change_nothing_but_the_time():
     with ThreadPoolExecutor(2) as pool:
         together = compare_simulator(sim, methods, BOX, executor=pool, threads=2)
     for one, other in zip(alone.rows, together.rows, strict=True):
-        np.testing.assert_array_equal(one.lower, other.lower)
-        np.testing.assert_array_equal(one.upper, other.upper)
+        np.testing.assert_array_equal([one.lower, one.upper], [other.lower, other.upper])
     assert "2 threads" in str(together)
 
 
-def test_progress_of_adaptive_methods_counts_all_runs_and_tells_the_error():
+def test_progress_names_what_runs_counts_all_runs_and_tells_the_error():
     seen = []
     kink, watch = simulator(lambda k: np.abs(k * T - 0.4)), lambda *told: seen.append(told)
-    compare_simulator(kink, [mb.PolynomialChaos()], BOX, mb.Vertex(), progress=watch)
+    compare_simulator(kink, [mb.Scanning(4), mb.PolynomialChaos()], BOX, mb.Vertex(), progress=watch)
+    assert {("reference", 2, 2), ("Scanning(4)", 4, 4)} <= {*seen}
     done = [k for label, k, _ in seen if label.startswith("PolynomialChaos()")]
     assert done[:5] == sorted(done[:5]) and "estimated error" in seen[-1][0]
-
-
-def test_progress_names_what_runs():
-    seen = []
-    linear = simulator(lambda k: k * T)
-    compare_simulator(linear, [mb.Scanning(4)], BOX, mb.Vertex(), progress=lambda *told: seen.append(told))
-    assert ("reference", 2, 2) in seen
-    assert ("Scanning(4)", 4, 4) in seen
 
 
 @pytest.mark.parametrize(
@@ -147,28 +124,7 @@ def test_the_median_of_three_leaves_out_a_short_cold_run(monkeypatch, durations,
     monkeypatch.setattr(compare.time, "perf_counter", lambda: next(clock))
     made = []
     bounds, seconds = compare._timed(lambda: made.append(len(made)) or made)
-    assert seconds == pytest.approx(median)
-    assert len(made) == rounds
-    assert bounds is made
-
-
-def test_default_methods_suit_the_simulator():
-    sim = simulator(lambda k: k * T)
-    names = [repr(method) for method in default_methods(sim, BOX)]
-    assert "PolynomialChaos()" in names and "PolynomialChaos.paper(order=4)" in names
-    assert "Scanning(21)" in names and "MonteCarlo(10000)" in names and "Vertex()" in names
-    assert not [name for name in names if name.startswith(("Taylor", "Interval", "Optimization"))]
-
-
-def test_default_grids_stay_affordable_in_many_parameters():
-    names = {f"k{i}": (0.5, 1.5) for i in range(6)}
-    methods = default_methods(simulator(lambda **k: T), mb.Box(**names))
-    assert [method for method in methods if isinstance(method, mb.Scanning)] == [mb.Scanning(3)]
-    assert mb.PolynomialChaos.paper(2) in methods
-    assert mb.PolynomialChaos.paper(3) not in methods
-    assert mb.Vertex() in methods
-    many = {f"k{i}": (0.5, 1.5) for i in range(11)}
-    assert mb.Vertex() not in default_methods(simulator(lambda **k: T), mb.Box(**many))
+    assert seconds == pytest.approx(median) and len(made) == rounds and bounds is made
 
 
 class WithJets(mb.FunctionSimulator):
@@ -176,25 +132,33 @@ class WithJets(mb.FunctionSimulator):
         raise NotImplementedError
 
 
-def test_taylor_joins_where_there_are_jets():
-    sim = WithJets(lambda k: k * T, {"k": 1.0}, T, ["y"])
-    assert [m for m in default_methods(sim, BOX) if isinstance(m, mb.Taylor)] == [mb.Taylor(2), mb.Taylor(3)]
-    assert mb.Optimization() in default_methods(sim, BOX)
+def test_default_methods_suit_the_simulator_and_the_number_of_parameters():
+    names = [repr(method) for method in default_methods(LINE, BOX)]
+    expected = {"PolynomialChaos()", "PolynomialChaos.paper(order=4)", "Scanning(21)", "MonteCarlo(10000)", "Vertex()"}
+    assert expected <= {*names}
+    assert not [name for name in names if name.startswith(("Taylor", "Interval", "Optimization"))]
+    jets = WithJets(lambda k: k * T, {"k": 1.0}, T, ["y"])
+    assert [m for m in default_methods(jets, BOX) if isinstance(m, mb.Taylor)] == [mb.Taylor(2), mb.Taylor(3)]
+    assert mb.Optimization() in default_methods(jets, BOX)
+    boxes = (mb.Box(**{f"k{i}": (0.5, 1.5) for i in range(n)}) for n in (6, 11))  # where grids stay affordable
+    six, eleven = (default_methods(simulator(lambda **k: T), box) for box in boxes)
+    assert [method for method in six if isinstance(method, mb.Scanning)] == [mb.Scanning(3)]
+    assert mb.PolynomialChaos.paper(2) in six and mb.PolynomialChaos.paper(3) not in six
+    assert mb.Vertex() in six and mb.Vertex() not in eleven
 
 
 def test_the_first_run_that_fails_is_told():
     """v = 1 / (1 - a t) ends at t = 1/a."""
     with pytest.warns(mb.SymmbWarning, match="Runs failed: 1 of the reference, 1 of Scanning"):
         found = mb.compare(explosion(), [mb.Scanning(3)], mb.Box(a=(0.2, 0.6)), reference=mb.Scanning(5))
-    assert len(found.doubts) == 1
     told = " ".join(str(found).split())
-    assert found.rows[0].failed == 1
+    assert len(found.doubts) == found.rows[0].failed == 1
     assert "The first failed run of Scanning(3): t = 1.6" in told and "s, a = 0.6: the step became too short" in told
 
 
 def test_a_comparison_announces_its_runs(caplog):
     caplog.set_level("INFO", logger="symmb")
-    compare_simulator(simulator(lambda k: k * T), [mb.Vertex(), mb.PolynomialChaos(order=3), mb.PolynomialChaos()], BOX)
+    compare_simulator(LINE, [mb.Vertex(), mb.PolynomialChaos(order=3), mb.PolynomialChaos()], BOX)
     (told,) = caplog.messages
     assert "3002 runs for the reference, 6 for the methods, and a number of runs that is not known yet for" in told
     assert "Each method runs at least 3 times to measure its time, or once if it takes 10 s." in told
@@ -235,9 +199,8 @@ def test_the_solvers_own_error_is_known_where_output_times_limit_its_steps(solve
 
 
 def test_a_motion_that_every_setting_follows_exactly_has_no_solver_error():
-    ball = mb.Body("ball", 1.0, pose=mb.Particle())
-    p = mb.Parameters(a=1.0)
-    scene = mb.Scene(mb.System(ball, parameters=p), {"ball.x": p.a}, T, {"x": ball.x}, box=mb.Box(a=(0.5, 1.5)))
+    machine = ball(g=None, a=1.0)
+    scene = machine.scene("x", T, {"ball.x": machine.p.a}, box=mb.Box(a=(0.5, 1.5)))
     for solver in (mb.RungeKutta(steps=1), mb.DormandPrince(), mb.CVODES()):
         assert mb.compare(scene, [mb.Vertex()], reference=mb.Vertex(), solver=solver).solver_error == [0.0]
 
@@ -249,3 +212,160 @@ def test_outputs_with_an_uncertain_reference_are_told():
     assert _doubt_of_reference(f, exact) == []
     (told,) = _doubt_of_reference(f, rough)
     assert told.startswith("The reference Scanning(3) is uncertain: y by 0.12 of its width. Errors of bounds below")
+
+
+# The reference: how fine, how uncertain, from which simulator
+
+
+def function(f, n_p=1):
+    return mb.FunctionSimulator(f, {f"p{i}": 1.0 for i in range(n_p)}, T, ["y"])
+
+
+PLAIN = function(lambda p0: p0 * T)
+
+
+def box_of(n_p=1):
+    return mb.Box(**{f"p{i}": (0.5, 1.5) for i in range(n_p)})
+
+
+@pytest.mark.parametrize("n_p", [1, 2, 3, 4, 5])
+def test_nested_grids_of_about_two_thousand_runs(n_p):
+    coarse, fine = _resolutions(n_p)
+    assert isinstance(coarse, mb.Scanning) and isinstance(fine, mb.Scanning)
+    assert fine.points == 2 * coarse.points - 1
+    assert 1500 <= fine.points**n_p <= 3200
+
+
+def test_a_linear_response_has_no_uncertainty():
+    found = find_reference(PLAIN, box_of())
+    np.testing.assert_allclose([found.lower[:, 0], found.upper[:, 0]], [0.5 * T, 1.5 * T])
+    assert found.uncertainty == pytest.approx([0.0], abs=1e-14)
+    assert (found.method, found.evaluations, found.failed) == ("Scanning(2001)", 3002, 0)
+    assert found.seconds is not None and found.seconds > 0.0
+
+
+def test_the_uncertainty_is_larger_than_the_true_error():
+    """y = (p0 - p1 t)^2 has its minimum 0 inside the box, between grid points."""
+    found = find_reference(function(lambda p0, p1: (p0 - 0.77 * p1 * T) ** 2, 2), box_of(2))
+    lower = np.maximum(0.5 - 0.77 * 1.5 * T, 0.0) ** 2
+    error = found.yardstick.deviation(lower[:, None], found.upper)
+    assert 0.0 < error[0] <= found.uncertainty[0] < 1e-3
+
+
+def test_beyond_five_parameters_vertices_join_the_samples_up_to_ten():
+    found = find_reference(function(lambda **p: sum(p.values()) * (1.0 + T), 6), box_of(6))
+    np.testing.assert_allclose([found.lower[:, 0], found.upper[:, 0]], [3.0 * (1.0 + T), 9.0 * (1.0 + T)])
+    assert found.method == "MonteCarlo(2048, sampler=Sobol()) with Vertex() with Optimization(budget=2000)"
+    assert found.evaluations > 512 + 2048 + 64 and found.uncertainty[0] < 1e-9
+    many = find_reference(function(lambda **p: p["p0"] * (1.0 + T), 11), box_of(11))
+    assert "Vertex" not in many.method
+    np.testing.assert_allclose(many.upper[:, 0], 1.5 * (1.0 + T))
+
+
+def given(names=("y",), t=T, estimate=None):
+    lower = np.zeros((len(t), len(names)))
+    return mb.Bounds(t, names, lower, lower + 2.0, "estimate", "by hand", 7, estimate, seconds=1.0)
+
+
+def test_given_methods_and_bounds_are_used_as_they_are():
+    """Bounds state their own uncertainty."""
+    found = find_reference(PLAIN, box_of(), mb.Vertex())
+    assert (found.method, found.evaluations) == ("Vertex()", 2) and np.isnan(found.uncertainty).all()
+    found = find_reference(PLAIN, box_of(), given(estimate=np.full((11, 1), 0.02)))
+    assert found.uncertainty == pytest.approx([0.01])
+    assert (found.method, found.evaluations, found.seconds) == ("by hand", 7, None)
+
+
+@pytest.mark.parametrize(
+    ("bounds", "words"),
+    [
+        (given(names=("z",)), "are z, but the outputs of the simulator are y"), (given(t=T[:-1]), "10 times"),
+        (given(t=T + 0.1), "same times"),
+    ],
+    ids=["names", "number", "times"],
+)  # fmt: skip
+def test_given_bounds_must_fit(bounds, words):
+    refused(words, find_reference, PLAIN, box_of(), bounds, error=mb.PropagationError)
+
+
+# Proved bounds
+
+TIMES = np.linspace(0.0, 2.0, 9)
+
+
+def _decay():
+    """z' = -k z from 2: the true bounds are 2 exp(-1.1 t) and 2 exp(-0.9 t)."""
+    return state(lambda p, z: -p.k * z, TIMES, 2.0, k=(0.9, 1.1))
+
+
+TRUE = 2 * np.exp(-np.outer(TIMES, [1.1, 0.9]))
+
+
+@dataclass(frozen=True)
+class Claim(Method):
+    """Bounds that are farther out, or in, than the true ones, with an estimate of their error."""
+
+    kind: ClassVar = "estimate"
+    off: float = 0.0
+    said: float = 0.0
+
+    def _bounds(self, simulator, box, executor, progress):
+        ends = TRUE[:, :1] - self.off, TRUE[:, 1:] + self.off
+        more = {"estimate": np.full((len(TIMES), 1), self.said)} if self.kind == "estimate" else {"inner": ends}
+        return self._result(simulator, *ends, 1, **more)
+
+
+@dataclass(frozen=True)
+class Wrong(Claim):
+    """The same as attained values."""
+
+    kind: ClassVar = "sampled"
+
+
+def test_the_reference_is_proved_to_be_near_the_true_bounds(tmp_path):
+    found = mb.compare(_decay(), [mb.TaylorModel(order=6), mb.PolynomialChaos(order=4)], reference=mb.Scanning(2))
+    reference = found.reference
+    np.testing.assert_allclose(np.hstack([reference.lower, reference.upper]), TRUE, atol=1e-7)
+    assert reference.proved_by == ("TaylorModel(order=6)",) and 0 < reference.proved[0] < 1e-5
+    assert reference.uncertainty[0] == reference.proved[0]  # a scan alone does not know it
+    assert "proved by TaylorModel(order=6): the reference misses the true bounds by at most" in str(found)
+    assert not found.doubts
+    found.save(tmp_path / "found.json")
+    read = type(found).load(tmp_path / "found.json").reference
+    assert read.proved_by == reference.proved_by and (read.proved == reference.proved).all()
+
+
+def test_a_reference_ends_where_proved_bounds_end():
+    scene = _decay()
+    found = compare_simulator(mb.DAESimulator(scene), [mb.TaylorModel(order=6)], scene.box, Claim(off=0.2))
+    np.testing.assert_allclose(np.hstack([found.reference.lower, found.reference.upper]), TRUE, atol=1e-6)
+    assert found.reference.proved is None  # what is not attained may miss either way
+
+
+def test_a_reference_must_be_finite():
+    scene = state(lambda p, z: p.k * z**2, [0.0, 0.5, 0.9, 1.0], 1.0, k=(0.9, 1.1))
+    infinite, order_4 = r"TaylorModel\(order=4\) has infinite bounds of z at t = 0.9 s", mb.TaylorModel(order=4)
+    refused(infinite, mb.compare, scene, [mb.Vertex()], reference=order_4, error=mb.PropagationError)
+
+
+def test_runs_outside_of_proved_bounds_are_told():
+    """Those of the reference as well."""
+    warned(r"Runs of the reference Wrong", mb.compare, _decay(), [mb.TaylorModel(order=6)], reference=Wrong(off=0.01))
+    told = r"Runs of Wrong\(off=0.01, said=0.0\) are outside .*: z by 1.0e-02 at t = "
+    found = warned(told, mb.compare, _decay(), [mb.TaylorModel(order=6), Wrong(off=0.01), mb.Vertex()])
+    assert len(found.doubts) == 1
+    # Runs of methods belong to the reference, up to the limit.
+    assert (found.reference.upper <= TRUE[:, 1:] + 1e-6).all()
+
+
+def test_estimates_that_are_too_low_are_told():
+    methods = [mb.TaylorModel(order=6), Claim(off=0.02, said=0.03), Claim(off=0.02, said=0.01)]
+    low = r"Claim\(off=0.02, said=0.01\) underestimates its error"
+    found = warned(low, mb.compare, _decay(), methods, reference=mb.Scanning(3))
+    assert len(found.doubts) == 2 and "The estimated error is above 10 % of the width" in found.doubts[0]
+
+
+def test_bounds_that_are_inside_are_not_doubtful():
+    methods = [mb.TaylorModel(order=6), Claim(off=-0.05, said=0.0), Wrong(off=-0.05)]
+    found = mb.compare(_decay(), methods, reference=mb.Scanning(3))
+    assert not found.doubts and "Check runs show errors of the bounds: z" in found.rows[2].doubts[0]

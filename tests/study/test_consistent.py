@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from faults import refused, warned
+from machines import ball
 from scipy.optimize import linprog
 from scipy.spatial import ConvexHull, HalfspaceIntersection
 from test_calibration import T, oscillator, particle, swing
@@ -80,10 +81,9 @@ def test_lengths_of_a_four_bar_are_in_the_set(seed):
 
 
 def test_boxes_have_units_and_are_boxes_of_studies():
-    p = mb.Parameters(speed=(1000.0, "mm/s"))
-    ball = mb.Body("ball", 1.0, pose=mb.Particle())
-    scene = mb.Scene(mb.System(ball, parameters=p), {"ball.vx": p.speed}, [0.0, 1.0, 2.0], {"x": ball.x})
-    found = mb.calibrate(scene, {"x": [0.0, 1.49, 3.02]}).consistent(0.03)
+    machine = ball(g=None, speed=(1000.0, "mm/s"))
+    scene = machine.scene("x", [0.0, 1.0, 2.0], {"ball.vx": machine.p.speed})
+    found = mb.calibrate(scene, {"x": [0.0, 1.49, 3.02]}, ["speed"]).consistent(0.03)
     assert found.box["speed"] == pytest.approx((1495, 1520), abs=0.1) and found.box.units == ("mm/s",)
     assert "speed [mm/s]" in str(found) and found.runs > 0
     for box in (found.box, *found.pieces[:2]):
@@ -100,10 +100,7 @@ def test_a_set_ends_where_runs_fail():
 
 def test_no_piece_counts_as_inside_if_runs_fail_in_the_box():
     """The failed runs are in a corner of the box, so that no run on an axis fails."""
-
-    def line(a, b):
-        return (a * T + b) * (math.nan if a + b < 2.05 else 1.0)
-
+    line = lambda a, b: (a * T + b) * (math.nan if a + b < 2.05 else 1.0)  # noqa: E731
     fit = mb.calibrate(mb.FunctionSimulator(line, {"a": 1.3, "b": 0.9}, T, ["y"]), {"y": 1.3 * T + 0.9})
     found = warned("failed. The set is only estimated", fit.consistent, 0.2)
     assert not found.inside.any() and are_in(found, np.array([[1.3, 0.9]])).all()
@@ -111,11 +108,10 @@ def test_no_piece_counts_as_inside_if_runs_fail_in_the_box():
 
 def test_what_has_no_set_is_refused(tmp_path):
     fit = mb.calibrate(particle(), {"x": 1.3 * T})
-    for error, match in [
-        (-1.0, "above 0"), ("small", "percentage such as"), ({"y": 1.0}, "for each of x"), (None, "above 0"),
-        (1e-12, "must be at least 5.2e-09"),
-    ]:  # fmt: skip
+    wrong = {-1.0: "above 0", None: "above 0", "small": "percentage such as", 1e-12: "must be at least 5.2e-09"}
+    for error, match in wrong.items():
         refused(match, fit.consistent, error)
+    refused("for each of x", fit.consistent, {"y": 1.0})
     y = 1.3 * T + 0.1 * np.sin(9 * T)
     other = warned("correlated", mb.calibrate, particle(), {"x": y})
     refused("no run is within", other.consistent, 0.01, error=mb.SimulationError)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import scipy.stats as st
+from faults import refused
 from scipy.integrate import quad
 
 import symmb as mb
@@ -10,6 +11,20 @@ import symmb as mb
 NOMINAL = {"bore": 40.0, "spacer": 25.0, "ring": 2.0, "shoulder": 10.0}
 TOLERANCE = np.array([0.10, 0.05, 0.03, 0.05])
 """The stack of metricmech.com/articles/tolerance-stackup-worked-example.html in mm."""
+
+
+SUM = lambda a, b: [[a + b]]  # noqa: E731
+PAIR = {"a": (0.9, 1.1), "b": (1.95, 2.05)}
+
+
+def function(f, outputs="y", **box) -> tuple[mb.FunctionSimulator, mb.Box]:
+    """A function with nominal values in the middle of a box."""
+    return mb.FunctionSimulator(f, {n: sum(ends) / 2 for n, ends in box.items()}, [0.0], outputs.split()), mb.Box(**box)
+
+
+def bounded(f, outputs="y", **box) -> mb.Bounds:
+    simulator, box = function(f, outputs, **box)
+    return mb.propagate(simulator, mb.PolynomialChaos(), box)
 
 
 def gap() -> mb.FunctionSimulator:
@@ -48,18 +63,14 @@ def test_normal_distributions_that_are_not_cut(allowed):
 
 @pytest.mark.parametrize("share", [0.6, 0.72, 0.85])
 def test_rejects_of_two_lengths_by_quadrature(share):
-    chain = mb.FunctionSimulator(lambda a, b: [[a + b]], {"a": 1.0, "b": 2.0}, [0.0], ["y"])
-    bounds = mb.propagate(chain, mb.PolynomialChaos(), mb.Box(a=(0.9, 1.1), b=(1.95, 2.05)))
     exact = sum_of_two(0.1, 0.05, 0.15 * share)
-    p, error = bounds.statistical({"y": (3 - 0.15 * share, 3 + 0.15 * share)}).total
+    p, error = bounded(SUM, **PAIR).statistical({"y": (3 - 0.15 * share, 3 + 0.15 * share)}).total
     assert p == pytest.approx(exact, abs=error) and error < 0.15 * exact
 
 
 def test_a_violation_of_any_limit_is_one_reject():
     """Two limits of y and of 2 y reject the same mechanisms; those of y and z, which is independent, are added."""
-    f = lambda a, b: [[a, 2 * a, b]]  # noqa: E731
-    two = mb.FunctionSimulator(f, {"a": 1.0, "b": 1.0}, [0.0], ["y", "double", "z"])
-    bounds = mb.propagate(two, mb.PolynomialChaos(), mb.Box(a=(0.9, 1.1), b=(0.9, 1.1)))
+    bounds = bounded(lambda a, b: [[a, 2 * a, b]], "y double z", a=(0.9, 1.1), b=(0.9, 1.1))
     one = st.truncnorm(-3, 3).sf(1.8)
     same = bounds.statistical({"y": (None, 1.06), "double": (None, 2.12)})
     assert same.rejects == pytest.approx([one, one], rel=0.1) and same.total[0] == pytest.approx(one, rel=0.1)
@@ -70,8 +81,8 @@ def test_a_violation_of_any_limit_is_one_reject():
 
 @pytest.mark.parametrize("yield_", [0.9, 0.9973, 0.99999])
 def test_largest_tolerances_with_a_yield(yield_):
-    chain = mb.FunctionSimulator(lambda a, b: [[a + b]], {"a": 1.0, "b": 2.0}, [0.0], ["y"])
-    found = mb.tolerances(chain, {"y": (2.9, 3.1)}, mb.Box(a=(0.9, 1.1), b=(1.95, 2.05)), yield_=yield_)
+    chain, box = function(SUM, **PAIR)
+    found = mb.tolerances(chain, {"y": (2.9, 3.1)}, box, yield_=yield_)
     exact = sum_of_two(0.1 * found.factor, 0.05 * found.factor, 0.1)
     assert 0.8 * (1 - yield_) < exact < 1 - yield_
     assert found.worst_case["a"] == pytest.approx(2 / 3, rel=3e-3) and found.factor > found.worst_case["a"]
@@ -80,9 +91,8 @@ def test_largest_tolerances_with_a_yield(yield_):
 
 @pytest.mark.parametrize("end", ["npz", "json"])
 def test_statistics_are_saved(tmp_path, end):
-    chain = mb.FunctionSimulator(lambda a, b: [[a + b, a]], {"a": 1.0, "b": 2.0}, [0.0], ["y", "a"])
-    limits = {"y": (2.9, 3.1), "a": (None, 1.5)}
-    found = mb.tolerances(chain, limits, mb.Box(a=(0.9, 1.1), b=(1.95, 2.05)), yield_=0.9)
+    chain, box = function(lambda a, b: [[a + b, a]], "y a", **PAIR)
+    found = mb.tolerances(chain, {"y": (2.9, 3.1), "a": (None, 1.5)}, box, yield_=0.9)
     found.save(tmp_path / f"own.{end}")
     again = mb.Tolerances.load(tmp_path / f"own.{end}").statistics
     assert str(again) == str(found.statistics) and again.yield_ == found.statistics.yield_
@@ -98,9 +108,9 @@ def test_cheapest_tolerances_with_a_yield():
 
 
 def test_own_distributions_are_stretched():
-    chain = mb.FunctionSimulator(lambda a, b: [[a + b]], {"a": 1.0, "b": 2.0}, [0.0], ["y"])
+    chain, box = function(SUM, a=(0.9, 1.1), b=(1.9, 2.1))
     laws = {"a": st.uniform(0.9, 0.2), "b": st.uniform(1.9, 0.2)}
-    found = mb.tolerances(chain, {"y": (2.7, 3.3)}, mb.Box(a=(0.9, 1.1), b=(1.9, 2.1)), yield_=0.99, laws=laws)
+    found = mb.tolerances(chain, {"y": (2.7, 3.3)}, box, yield_=0.99, laws=laws)
     # P(|X + Y| > w) of two uniform numbers in [-h, h] is (1 - w / (2 h))^2.
     assert (1 - 0.3 / (0.2 * found.factor)) ** 2 == pytest.approx(0.01, rel=0.2)
     assert "factor=" in found.statistics.laws
@@ -116,9 +126,7 @@ def test_a_slider_crank_against_monte_carlo():
     middle = np.array([0.05, 0.15, 0.01])
     nominal = dict(zip(("crank", "rod", "offset"), middle, strict=True))
     mechanism = mb.FunctionSimulator(error, nominal, turn, ["error"])
-    bounds = mb.propagate(
-        mechanism, mb.PolynomialChaos(), mb.Box.plus_minus(nominal, crank=1e-4, rod=1e-4, offset=1e-4)
-    )
+    bounds = mb.propagate(mechanism, mb.PolynomialChaos(), mb.Box.plus_minus(nominal, **dict.fromkeys(nominal, 1e-4)))
     p, reported = bounds.statistical({"error": (-1.2e-4, 1.2e-4)}).total
     P = middle + 1e-4 * st.truncnorm.rvs(-3, 3, size=(100_000, 3), random_state=0) / 3
     wrong = sum((np.abs(error(*own.T[:, :, None])).max(axis=1) > 1.2e-4).sum() for own in np.split(P, 10))
@@ -128,9 +136,7 @@ def test_a_slider_crank_against_monte_carlo():
 
 def test_a_stop_makes_cpk_useless_but_not_the_rejects():
     """The output is 0.1 a, and 2 higher behind the stop; Cpk would mean a fifth of the mechanisms."""
-    f = lambda a, b: [[np.where(a + b > 3.02, 1.0, -1.0) + 0.1 * a]]  # noqa: E731
-    stop = mb.FunctionSimulator(f, {"a": 1.0, "b": 2.0}, [0.0], ["y"])
-    bounds = mb.propagate(stop, mb.PolynomialChaos(), mb.Box(a=(0.9, 1.1), b=(1.9, 2.1)))
+    bounds = bounded(lambda a, b: [[np.where(a + b > 3.02, 1.0, -1.0) + 0.1 * a]], a=(0.9, 1.1), b=(1.9, 2.1))
     found = bounds.statistical({"y": (None, 0.5)})
     x = st.truncnorm(-3, 3, 0, 0.1 / 3)
     exact = quad(lambda v: x.pdf(v) * x.sf(0.02 - v), -0.1, 0.1)[0]
@@ -141,36 +147,25 @@ def test_a_stop_makes_cpk_useless_but_not_the_rejects():
 @pytest.mark.parametrize(
     ("f", "quantile"),
     [
-        (lambda mean, sigma, z: mean + sigma * z, 0.99),
-        (lambda mean, sigma, z: mean + sigma * z, 0.05),
-        (lambda mean, sigma, z: np.exp(mean + sigma * z), 0.95),
-        (lambda mean, sigma, z: 1 / (3 + mean + sigma * z), 0.01),
-        (lambda mean, sigma, z: np.sin(mean + sigma * z), 0.9),
-        (lambda mean, sigma, z: (2 + mean + sigma * z) ** 3, 0.5),
+        (lambda x: x, 0.99), (lambda x: x, 0.05), (np.exp, 0.95), (lambda x: 1 / (3 + x), 0.01), (np.sin, 0.9),
+        (lambda x: (2 + x) ** 3, 0.5),
     ],
-)
+    ids=["99 %", "5 %", "exponential", "reciprocal", "sine", "cubic"],
+)  # fmt: skip
 def test_uncertain_mean_and_deviation_against_a_double_loop(f, quantile):
     """A monotonic function of a normal number with mean and standard deviation in intervals: a p-box."""
-    own = mb.FunctionSimulator(
-        lambda mean, sigma, z: [[f(mean, sigma, z)]], {"mean": 0.0, "sigma": 0.15, "z": 0.0}, [0.0], ["y"]
-    )
-    bounds = mb.propagate(own, mb.PolynomialChaos(), mb.Box(mean=(-0.1, 0.1), sigma=(0.1, 0.2), z=(-4, 4)))
+    bounds = bounded(lambda **p: [[f(p["mean"] + p["sigma"] * p["z"])]], mean=(-0.1, 0.1), sigma=(0.1, 0.2), z=(-4, 4))
     found = bounds.quantiles("y", quantile, {"z": st.norm()})
     z = st.norm.rvs(size=20_000, random_state=1)
-    loop = [np.quantile(f(m, s, z), quantile) for m in np.linspace(-0.1, 0.1, 11) for s in np.linspace(0.1, 0.2, 11)]
+    loop = [np.quantile(f(m + s * z), quantile) for m in np.linspace(-0.1, 0.1, 11) for s in np.linspace(0.1, 0.2, 11)]
     width, error = found.upper[0, 0] - found.lower[0, 0], found.estimate[0, 0]
     assert found.lower[0, 0] == pytest.approx(min(loop), abs=error + 0.03 * width)
     assert found.upper[0, 0] == pytest.approx(max(loop), abs=error + 0.03 * width)
 
 
-@pytest.mark.parametrize("yield_", [0, 1, 1.2, "much", float("nan")])
-def test_yields_that_are_none(yield_):
-    with pytest.raises(mb.DeclarationError, match="above 0 and below 1"):
-        mb.tolerances(gap(), {"gap": (2.8, 3.2)}, box_of(), yield_=yield_)
-
-
-def test_outputs_that_are_constant():
-    own = mb.FunctionSimulator(lambda a: [[a, 3.0]], {"a": 1.0}, [0.0], ["y", "constant"])
-    bounds = mb.propagate(own, mb.PolynomialChaos(), mb.Box(a=(0.9, 1.1)))
+def test_outputs_that_are_constant_and_yields_that_are_none():
+    for wrong in (0, 1, 1.2, "much", float("nan")):
+        refused("above 0 and below 1", mb.tolerances, gap(), {"gap": (2.8, 3.2)}, box_of(), yield_=wrong)
+    bounds = bounded(lambda a: [[a, 3.0]], "y constant", a=(0.9, 1.1))
     assert bounds.statistical({"constant": (2, None)}).total == (0.0, 0.0)
     assert bounds.statistical({"constant": (4, None)}).total[0] == 1

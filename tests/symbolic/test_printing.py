@@ -8,36 +8,23 @@ from symmb.declare.symbolic.sympy_out import to_sympy
 
 
 @pytest.mark.parametrize(
-    "name, expected",
+    "name, tex, line",
     [
-        ("t", "t"), ("l1", "l_{1}"), ("m_12", "m_{12}"), ("mu_s", r"\mu_{s}"), ("theta", r"\theta"),
-        ("stiffness", r"\mathrm{stiffness}"), ("left_arm.omega", r"\omega_{\mathrm{left\_arm}}"),
-        ("top.wz", r"\omega_{z,\mathrm{top}}"), ("top.e0", r"e_{0,\mathrm{top}}"), ("rod1.x", r"x_{\mathrm{rod1}}"),
-        ("elbow.lam[0]", r"\lambda_{\mathrm{elbow},0}"), ("crane.hook.vy", r"v_{y,\mathrm{crane.hook}}"),
-        ("2nd", r"\mathrm{2nd}"),
+        ("t", "t", "t"), ("l1", "l_{1}", "l1"), ("m_12", "m_{12}", "m_12"), ("theta", r"\theta", "\u03b8"),
+        ("stiffness", r"\mathrm{stiffness}", "stiffness"), ("2nd", r"\mathrm{2nd}", "2nd"),
+        ("left_arm.omega", r"\omega_{\mathrm{left\_arm}}", "\u03c9_left_arm"), ("w", "w", "w"),
+        ("top.wz", r"\omega_{z,\mathrm{top}}", "\u03c9z_top"), ("top.e0", r"e_{0,\mathrm{top}}", "e0_top"),
+        ("rod1.x", r"x_{\mathrm{rod1}}", "x_rod1"), ("elbow.lam[0]", r"\lambda_{\mathrm{elbow},0}", "\u03bb_elbow[0]"),
+        ("crane.hook.vy", r"v_{y,\mathrm{crane.hook}}", "vy_crane.hook"), ("mu_s", r"\mu_{s}", "\u03bc_s"),
+        ("pin.angle", r"q_{\mathrm{pin}}", "q_pin"), ("pin.angle_rate", r"\dot{q}_{\mathrm{pin}}", "q\u0307_pin"),
+        ("slide.displacement_rate", r"\dot{q}_{\mathrm{slide}}", "q\u0307_slide"), ("lam", r"\mathrm{lam}", "lam"),
+        ("rod.theta", r"\theta_{\mathrm{rod}}", "\u03b8_rod"), ("rod.omega", r"\omega_{\mathrm{rod}}", "\u03c9_rod"),
+        ("top.omega_x", r"\omega_{x,\mathrm{top}}", "\u03c9x_top"),
+        ("elbow.lam[1]", r"\lambda_{\mathrm{elbow},1}", "\u03bb_elbow[1]"),
+        ("angle_rate", r"\mathrm{angle}_{\mathrm{rate}}", "angle_rate"),
     ],
 )  # fmt: skip
-def test_names(name, expected):
-    assert typeset(name) == expected
-
-
-@pytest.mark.parametrize(
-    "name, line, tex",
-    [
-        ("pin.angle", "q_pin", r"q_{\mathrm{pin}}"),
-        ("pin.angle_rate", "q\u0307_pin", r"\dot{q}_{\mathrm{pin}}"),
-        ("slide.displacement_rate", "q\u0307_slide", r"\dot{q}_{\mathrm{slide}}"),
-        ("rod.theta", "\u03b8_rod", r"\theta_{\mathrm{rod}}"),
-        ("rod.omega", "\u03c9_rod", r"\omega_{\mathrm{rod}}"),
-        ("top.omega_x", "\u03c9x_top", r"\omega_{x,\mathrm{top}}"),
-        ("elbow.lam[1]", "\u03bb_elbow[1]", r"\lambda_{\mathrm{elbow},1}"),
-        ("mu_s", "\u03bc_s", r"\mu_{s}"),
-        ("w", "w", "w"),
-        ("lam", "lam", r"\mathrm{lam}"),
-        ("angle_rate", "angle_rate", r"\mathrm{angle}_{\mathrm{rate}}"),
-    ],
-)
-def test_names_in_text_and_latex(name, line, tex):
+def test_names_in_text_and_latex(name, tex, line):
     assert (plain(name), typeset(name)) == (line, tex)
 
 

@@ -1,8 +1,11 @@
 """Energy: conserved without losses, and T + V - W constant with dampers, drives and forces that change with time."""
 
+from functools import partial
+
 import casadi as ca
 import numpy as np
 import pytest
+from machines import GROUND, ball, pendulum
 from mechanisms import double_pendulum, spinning_body
 from numpy.testing import assert_allclose
 
@@ -10,7 +13,6 @@ import symmb as mb
 
 TIMES = np.linspace(0.0, 2.0, 41)
 TIGHT = mb.CVODES(rtol=1e-11, stabilization=mb.Projection())
-GROUND = mb.Ground()
 
 
 @pytest.mark.parametrize("scene", [double_pendulum, spinning_body])
@@ -21,30 +23,24 @@ def test_energy_is_conserved(scene):
     assert run.energy_drift < 1e-8
 
 
-def arm(pose):
-    body = mb.Body("arm", 2.0, 0.1 if isinstance(pose, mb.Planar) else (0.3, 0.2, 0.1), pose)
-    return body, mb.Revolute("hinge", GROUND.point(0, 0), body.point(-0.4, 0))
-
-
+ARM = partial(pendulum, length=0.4, mass=2.0)
 WORKING = {
-    "damper": lambda b, hinge: [mb.Damper("d", GROUND.point(1, 1), b.point(0.4, 0), 3.0)],
-    "spring and damper": lambda b, hinge: [mb.SpringDamper("s", GROUND.point(1, 1), b.point(0.4, 0), 30.0, 3.0, 0.5)],
-    "torsion damper": lambda b, hinge: [mb.TorsionSpring("s", GROUND, b, 4.0, 0.5)],
-    "bushing": lambda b, hinge: [mb.Bushing("s", GROUND.point(0.8, 0), b.point(0.4, 0), (20, 40, 60), 2.0, 3.0, 0.4)],
-    "force of time": lambda b, hinge: [mb.Force("f", b.point(0.4, 0), (3 * ca.sin(5 * mb.t), 0))],
-    "torque of velocity": lambda b, hinge: [mb.Torque("f", b, -0.2 * b.omega[-1] ** 3)],
-    "stiffness of time": lambda b, hinge: [mb.Spring("s", GROUND.point(1, 1), b.point(0.4, 0), 20 + 10 * mb.t, 0.5)],
-    "drive": lambda b, hinge: [mb.Motion("m", hinge.angle, 0.3 * ca.sin(4 * mb.t))],
-    "gravity of time": lambda b, hinge: [mb.Force("g", b.point(0, 0), (0, -2.0 * mb.t))],
+    "damper": lambda b, hinge: mb.Damper("d", GROUND.point(1, 1), b.point(0.4, 0), 3.0),
+    "spring and damper": lambda b, hinge: mb.SpringDamper("s", GROUND.point(1, 1), b.point(0.4, 0), 30.0, 3.0, 0.5),
+    "torsion damper": lambda b, hinge: mb.TorsionSpring("s", GROUND, b, 4.0, 0.5),
+    "bushing": lambda b, hinge: mb.Bushing("s", GROUND.point(0.8, 0), b.point(0.4, 0), (20, 40, 60), 2.0, 3.0, 0.4),
+    "force of time": lambda b, hinge: mb.Force("f", b.point(0.4, 0), (3 * ca.sin(5 * mb.t), 0)),
+    "torque of velocity": lambda b, hinge: mb.Torque("f", b, -0.2 * b.omega[-1] ** 3),
+    "stiffness of time": lambda b, hinge: mb.Spring("s", GROUND.point(1, 1), b.point(0.4, 0), 20 + 10 * mb.t, 0.5),
+    "drive": lambda b, hinge: mb.Motion("m", hinge.angle, 0.3 * ca.sin(4 * mb.t)),
+    "gravity of time": lambda b, hinge: mb.Force("g", b.point(0, 0), (0, -2.0 * mb.t)),
 }
 
 
 @pytest.mark.parametrize("pose", [mb.Planar(), mb.Spatial()], ids=repr)
 @pytest.mark.parametrize("force", WORKING)
 def test_the_work_of_what_has_no_potential_balances_the_energy(force, pose):
-    body, hinge = arm(pose)
-    system = mb.System(body, hinge, mb.Gravity(0, -9.81), *WORKING[force](body, hinge))
-    run = mb.simulate(mb.Scene(system, times=TIMES), TIGHT)
+    run = ARM(lambda m: WORKING[force](m.rod, m.hinge), pose=pose).run(None, TIMES, solver=TIGHT)
     assert np.abs(run.energy.work).max() > 1e-2
     assert run.energy_drift < 1e-8
     if "damper" in force:
@@ -53,17 +49,15 @@ def test_the_work_of_what_has_no_potential_balances_the_energy(force, pose):
 
 @pytest.mark.parametrize("solver", [mb.RungeKutta(steps=2000), mb.Collocation(steps=200), mb.IDAS(1e-11)], ids=repr)
 def test_every_kind_of_solver_integrates_the_work(solver):
-    body, hinge = arm(mb.Planar())
-    system = mb.System(body, hinge, mb.Gravity(0, -9.81), mb.TorsionSpring("s", GROUND, body, 4.0, 0.5))
-    run = mb.simulate(mb.Scene(system, times=TIMES), solver)
+    run = ARM(lambda m: mb.TorsionSpring("s", GROUND, m.rod, 4.0, 0.5)).run(None, TIMES, solver=solver)
     assert run.energy.work[-1] < -0.5
     assert run.energy_drift < 1e-7
 
 
 def test_a_driven_cart_takes_the_work_of_its_drive():
     """m a = F along x = sin(t): the work is the kinetic energy gained."""
-    cart = mb.Body("cart", 3.0, pose=mb.Particle())
-    run = mb.simulate(mb.Scene(mb.System(cart, mb.Motion("drive", cart.x, ca.sin(mb.t))), times=TIMES), TIGHT)
+    cart = ball(lambda m: mb.Motion("drive", m.ball.x, ca.sin(mb.t)), mass=3.0, g=None)
+    run = cart.run(None, TIMES, solver=TIGHT)
     assert_allclose(run.energy.kinetic, 1.5 * np.cos(TIMES) ** 2, atol=1e-9)
     assert_allclose(run.energy.work, 1.5 * np.cos(TIMES) ** 2 - 1.5, atol=1e-9)
     assert_allclose(run["drive.lam[0]"], 3.0 * np.sin(TIMES), atol=1e-9)
