@@ -1,6 +1,7 @@
 """Headless Chromium, spoken to over a pipe in its own protocol, without another package."""
 
 import base64
+import importlib.util
 import json
 import os
 import shutil
@@ -14,6 +15,8 @@ import pytest
 
 PROGRAM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 NEEDED = pytest.mark.skipif(PROGRAM is None, reason="needs Chromium")
+COMPILED = pytest.mark.skipif(importlib.util.find_spec("ziglang") is None, reason="needs ziglang")
+"""Marks of tests of pages, and of live ones."""
 _FLAGS = (
     "--headless=new --no-sandbox --no-first-run --disable-extensions --hide-scrollbars --use-gl=angle "
     "--use-angle=swiftshader --enable-unsafe-swiftshader --window-size=1280,760 --remote-debugging-pipe"
@@ -134,3 +137,10 @@ class Browser:
             self.errors.append(str(content["exceptionDetails"].get("exception", content)))
         elif event.get("method") == "Runtime.consoleAPICalled" and content["type"] == "error":
             self.errors.append(str(content["args"]))
+
+
+@pytest.fixture(scope="module")
+def browser_of_a_module():
+    """The argument of tests, under the name that a module gives it."""
+    with Browser() as browser:
+        yield browser

@@ -12,9 +12,9 @@ def pendulum(spread=0.02, end=1.0):
     p = mb.Parameters(l=1.0)
     rod = mb.Body("rod", mass=p.l, inertia=p.l**3 / 12, pose=mb.Planar())
     hinge = mb.Revolute("hinge", mb.Ground().point(0, 0), rod.point(-p.l / 2, 0))
-    system = mb.System(rod, hinge, mb.Gravity(0, -9.81), parameters=p)
+    system = mb.System(rod, hinge, mb.Gravity(0, -9.81))
     outputs = {"x": rod.x, "theta": rod.theta, "omega": rod.omega, "pull": system.reaction("hinge").fy}
-    return _scene("pendulum", system, {"rod.theta": 0.0}, outputs, end, mb.Box.around(p, spread))
+    return _scene("pendulum", system, {"rod.theta": 0.0}, outputs, end, spread)
 
 
 def van_der_pol(spread=0.05, end=4.0):
@@ -38,10 +38,10 @@ def spherical_pendulum(spread=0.02, end=0.5):
     ball = mb.Body("ball", mass=1.0, inertia=(1e-3, 1e-3, 1e-3), pose=mb.Spatial())
     post = mb.Revolute("post", mb.Ground().point(0, 0, 0), arm.point(0, 0, 0), axis=(0, 0, 1))
     hinge = mb.Revolute("hinge", arm.point(0, 0, 0), ball.point(0, 0, p.length), axis=(0, 1, 0))
-    system = mb.System(arm, ball, post, hinge, mb.Gravity(0, 0, -9.81), parameters=p)
+    system = mb.System(arm, ball, post, hinge, mb.Gravity(0, 0, -9.81))
     start = {"hinge.angle": 1.0, "post.angle": 0.0, "post.angle_rate": p.turn, "hinge.angle_rate": 0.0}
     outputs = {"x": ball.x, "y": ball.y, "z": ball.z}
-    return _scene("spherical pendulum", system, start, outputs, end, mb.Box.around(p, spread))
+    return _scene("spherical pendulum", system, start, outputs, end, spread)
 
 
 def chain_of_four(spread=0.05, end=1.0):
@@ -52,9 +52,8 @@ def chain_of_four(spread=0.05, end=1.0):
     pulls = [k * s for k, s in zip((p.k1, p.k2, p.k3, p.k4), stretches, strict=True)]
     loads = enumerate(zip(masses, pulls, [*pulls[1:], 0.0], strict=True))
     forces = [mb.Force(f"force{i}", mass.point(0, 0), (after - before, 0)) for i, (mass, before, after) in loads]
-    system = mb.System(*masses, *forces, parameters=p)
     outputs = {m.name: m.x for m in masses}
-    return _scene("chain of four", system, {"m4.x": 1.0}, outputs, end, mb.Box.around(p, spread))
+    return _scene("chain of four", mb.System(*masses, *forces), {"m4.x": 1.0}, outputs, end, spread)
 
 
 def lagging_motor(spread=0.05, end=1.0):
@@ -64,17 +63,15 @@ def lagging_motor(spread=0.05, end=1.0):
     hinge = mb.Revolute("hinge", mb.Ground().point(0, 0), wheel.point(0, 0))
     torque = mb.State("torque", rate=lambda z: (ca.sin(3 * mb.t) - z) / p.lag)
     motor = mb.Actuator("motor", hinge, torque.value - p.drag * ca.tanh(hinge.angle_rate))
-    system = mb.System(wheel, hinge, torque, motor, parameters=p)
     outputs = {"angle": hinge.angle, "torque": torque.value}
-    return _scene("lagging motor", system, {"torque": 0.1}, outputs, end, mb.Box.around(p, spread))
+    return _scene("lagging motor", mb.System(wheel, hinge, torque, motor), {"torque": 0.1}, outputs, end, spread)
 
 
 def double_pendulum(spread=0.02, end=0.6):
     """The double pendulum of the shipped models."""
     scene = models.double_pendulum.scene()
     outputs = {name: scene.outputs[name] for name in ("x1", "theta2", "y2_dot", "theta1_dot")}
-    return _scene("double pendulum", scene.system, scene.start, outputs, end,
-                  mb.Box.around(scene.system.parameters, spread))  # fmt: skip
+    return _scene("double pendulum", scene.system, scene.start, outputs, end, spread)
 
 
 def sprung_ball(spread=0.05, end=0.6):
@@ -82,9 +79,9 @@ def sprung_ball(spread=0.05, end=0.6):
     p = mb.Parameters(stiffness=60.0, damping=0.8, mass=1.0)
     ball = mb.Body("ball", mass=p.mass, pose=mb.Particle())
     link = mb.SpringDamper("link", mb.Ground().point(0, 0), ball.point(0, 0), p.stiffness, p.damping, length=1.0)
-    system = mb.System(ball, link, mb.Gravity(0, -9.81), parameters=p)
+    system = mb.System(ball, link, mb.Gravity(0, -9.81))
     outputs = {"x": ball.x, "y": ball.y, "speed": ball.vx**2 + ball.vy**2}
-    return _scene("sprung ball", system, {"ball.x": 0.8, "ball.y": -0.9}, outputs, end, mb.Box.around(p, spread))
+    return _scene("sprung ball", system, {"ball.x": 0.8, "ball.y": -0.9}, outputs, end, spread)
 
 
 def driven_cart(spread=0.03, end=0.8):
@@ -96,9 +93,9 @@ def driven_cart(spread=0.03, end=0.8):
     hinge = mb.Revolute("hinge", cart.point(0, 0), rod.point(0, 0.5))
     coil = mb.TorsionSpring("coil", cart, rod, stiffness=2.0, damping=0.1)
     push = mb.Force("push", cart.point(0, 0), (p.push * ca.sin(p.beat * mb.t), 0))
-    system = mb.System(cart, rod, rail, hinge, coil, push, mb.Gravity(0, -9.81), parameters=p)
+    system = mb.System(cart, rod, rail, hinge, coil, push, mb.Gravity(0, -9.81))
     outputs = {"place": cart.x, "angle": rod.theta, "rate": rod.omega, "tip": rod.point(0, -0.5).x}
-    return _scene("driven cart", system, {"rod.theta": 0.4}, outputs, end, mb.Box.around(p, spread))
+    return _scene("driven cart", system, {"rod.theta": 0.4}, outputs, end, spread)
 
 
 def two_tanks(spread=0.05, end=2.0):
@@ -106,13 +103,12 @@ def two_tanks(spread=0.05, end=2.0):
     p = mb.Parameters(inflow=0.8, upper=1.0, lower=0.7)
     first = mb.State("first", rate=lambda z: p.inflow * (1 + 0.3 * ca.sin(2 * mb.t)) - p.upper * ca.sqrt(z))
     second = mb.State("second", rate=lambda z: p.upper * ca.sqrt(first.value) - p.lower * ca.sqrt(z))
-    system = mb.System(first, second, parameters=p)
-    start = {"first": 1.5, "second": p.lower}
     outputs = {"first": first.value, "second": second.value}
-    return _scene("two tanks", system, start, outputs, end, mb.Box.around(p, spread))
+    return _scene("two tanks", mb.System(first, second), {"first": 1.5, "second": p.lower}, outputs, end, spread)
 
 
-def _scene(name, system, start, outputs, end, box):
+def _scene(name, system, start, outputs, end, spread):
+    box = mb.Box.around(system.parameters, spread)
     return mb.Scene(system, start=start, times=np.linspace(0.0, end, 21), outputs=outputs, box=box, name=name)
 
 
@@ -120,7 +116,7 @@ def _on_a_line(name, p, law, start, end, spread):
     """A mass of 1 kg that starts at a place."""
     mass = mb.Body("mass", mass=1.0, pose=mb.Particle())
     system = mb.System(mass, mb.Force("force", mass.point(0, 0), (law(mass), 0)), parameters=p)
-    return _scene(name, system, {"mass.x": start}, {"x": mass.x, "v": mass.vx}, end, mb.Box.around(p, spread))
+    return _scene(name, system, {"mass.x": start}, {"x": mass.x, "v": mass.vx}, end, spread)
 
 
 SCENES = (pendulum, van_der_pol, duffing, spherical_pendulum, chain_of_four, lagging_motor)

@@ -4,6 +4,7 @@ import warnings
 from dataclasses import dataclass, field
 
 import numpy as np
+from black_boxes import quietly
 
 import symmb as mb
 
@@ -157,8 +158,8 @@ class Twin:
         self.data = mujoco.MjData(self.model)
         names = [self.model.actuator(k).name for k in range(self.model.nu)]
         self.controls = dict(zip(names, self.rng.uniform(-1, 1, len(names)), strict=True))
-        with warnings.catch_warnings(action="ignore", category=mb.SymmbWarning):
-            self.robot = mb.load_mjcf(path, replace={f"{name}.ctrl": value for name, value in self.controls.items()})
+        controls = {f"{name}.ctrl": value for name, value in self.controls.items()}
+        self.robot = quietly(mb.load_mjcf, path, replace=controls)
         self.system = mb.System(*self.robot.elements)
         self.names = [self.model.joint(k).name for k in range(self.model.njnt)]
 
@@ -235,8 +236,7 @@ class Twin:
         """Accelerations of symmb in the state of MuJoCo, in its order."""
         outputs = {f"a{k}": self.system.ddt(rate) for k, rate in enumerate(self.rates())}
         scene = mb.Scene(self.system, self.start(), outputs=outputs)
-        with warnings.catch_warnings(action="ignore", category=mb.SymmbWarning):
-            run = mb.simulate(scene)
+        run = quietly(mb.simulate, scene)
         return np.array([run[name][0] for name in outputs])
 
     def accelerations(self):

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from machines import ORIGIN, ball, bob, free_body
 
 import symmb as mb
 from symmb._types import Array
@@ -23,7 +24,7 @@ def read(name: str, case: str | None = None) -> dict:
 KNOWN = read("problems")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Problem:
     """A scene at some times, what its first outputs are there, and how many digits are known."""
 
@@ -79,18 +80,17 @@ def flexible_crank(semantics: str = "index_2") -> Problem:
 
 def pendulum(length: float = 1.0) -> tuple[mb.Body, mb.Revolute]:
     """A point mass on a rod without mass, whose angle is measured from the downward vertical."""
-    bob = mb.Body("bob", 1.0, 0.0, mb.Planar())
-    return bob, mb.Revolute("pivot", mb.Ground().point(0, 0), bob.point(0, length))
+    weight = mb.Body("bob", 1.0, 0.0, mb.Planar())
+    return weight, mb.Revolute("pivot", ORIGIN, weight.point(0, length))
 
 
 def pendulum_179() -> Problem:
     known = KNOWN["pendulum_179"]
 
     def make() -> mb.Scene:
-        bob, pivot = pendulum()
-        start = {"bob.theta": np.deg2rad(179.0)}
-        system = mb.System(bob, pivot, mb.Gravity(0, -9.81))
-        return mb.Scene(system, start, [0.0, known["time"]], {"phi": bob.theta, "rate": bob.omega}, name="pendulum")
+        weight, pivot = pendulum()
+        system, outputs = mb.System(weight, pivot, mb.Gravity(0, -9.81)), {"phi": weight.theta, "rate": weight.omega}
+        return mb.Scene(system, {"bob.theta": first[0]}, [0.0, known["time"]], outputs, name="pendulum")
 
     first = [np.deg2rad(179.0), 0.0]
     return Problem("pendulum, 179 degrees, 1000 periods", make, np.array([first, known["values"]]))
@@ -100,13 +100,7 @@ def pendulum_period_2(periods: int = 1000) -> Problem:
     """Cartesian coordinates of a bead at a fixed distance."""
     known = KNOWN["pendulum_period2"]
     times = np.array([*known["times"], *(2 * np.linspace(1, periods, 11)[1:].round())])
-
-    def make() -> mb.Scene:
-        bob = mb.Body("bob", 1.0, pose=mb.Particle())
-        rod = mb.Distance("rod", mb.Ground().point(0, 0), bob.point(0, 0), 1.0)
-        system = mb.System(bob, rod, mb.Gravity(0, -known["g"]))
-        return mb.Scene(system, {"bob.x": 1.0, "bob.y": 0.0}, times, _motion(bob), name="bead")
-
+    make = lambda: bob(g=known["g"]).scene("x y vx vy", times, {"bob.x": 1.0, "bob.y": 0.0}, name="bead")  # noqa: E731
     values = np.array(known["values"])
     return Problem(f"bead, {periods} periods", make, np.vstack([values, np.tile(values[0], (10, 1))]))
 
@@ -120,11 +114,8 @@ def stiff_spring(k: float, kind: str) -> Problem:
     values = [(1 + r) * sine, -(1 + r) * cosine, r_dot * sine + speed * cosine, -r_dot * cosine + speed * sine]
 
     def make() -> mb.Scene:
-        bob = mb.Body("bob", 1.0, pose=mb.Particle())
-        spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), k, 1.0)
-        start = {"bob.x": values[0][0], "bob.y": values[1][0]}
-        system = mb.System(bob, spring, mb.Gravity(0, -9.81))
-        return mb.Scene(system, start, known["times"], _motion(bob), name="spring")
+        bead = ball(lambda m: mb.Spring("spring", ORIGIN, m.at, k, 1.0))
+        return bead.scene("x y vx vy", known["times"], {"ball.x": values[0][0], "ball.y": values[1][0]}, name="spring")
 
     digits = 12.0 if kind == "slow_manifold" else 9.0 - np.log10(k) / 6
     return Problem(f"spring, {k:g} N/m, {kind.replace('_', ' ')}", make, np.transpose(values), digits)
@@ -155,11 +146,10 @@ def fast_top() -> Problem:
     known = KNOWN["fast_top"]
 
     def make() -> mb.Scene:
-        body = mb.Body("body", 1.0, tuple(known["inertia"]), mb.Spatial())
-        outputs = {name: body.omega[i] for i, name in enumerate(("wx", "wy", "wz"))}
-        outputs |= {f"e{i}": mb.System(body).q[3 + i] for i in range(4)}
-        start = {"body.omega": tuple(known["omega"])}
-        return mb.Scene(mb.System(body), start, known["times"], outputs, name="top")
+        machine = free_body(inertia=known["inertia"])
+        outputs = {name: machine.top.omega[i] for i, name in enumerate(("wx", "wy", "wz"))}
+        outputs |= {f"e{i}": machine.system.q[3 + i] for i in range(4)}
+        return machine.scene(outputs, known["times"], {"top.omega": tuple(known["omega"])}, name="top")
 
     return Problem("top at 1e4 rad/s", make, np.hstack([known["omega_body"], known["quaternion"]]))
 
@@ -223,10 +213,6 @@ def all_problems() -> tuple[Problem, ...]:
     first = andrews(), car_axis(), flexible_crank(), flexible_crank("consistent"), *springs, fast_top()
     last = n_four_bar(2), n_four_bar(40, 20), pendulum_period_2(), pendulum_179()
     return *first, four_bar_in_space(), *cranks, *last
-
-
-def _motion(bob: mb.Body) -> dict:
-    return {name: getattr(bob, name) for name in ("x", "y", "vx", "vy")}
 
 
 def _keeping(scene: mb.Scene, names: tuple[str, ...]) -> mb.Scene:

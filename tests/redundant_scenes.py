@@ -198,8 +198,9 @@ class _Tree:
             self.joints.append(mb.PlanarJoint("plane", a, b, axis=tuple(common)))
         if extra == "gear":
             hinges = [j for j in self.joints if getattr(j, "name", "") in ("j0", "j1")]
+            meshed = self.start["j0.angle"] + 1.5 * self.start["j1.angle"]
             for name in ("mesh", "mesh_again")[: 1 + self.doubled]:
-                self.joints.append(mb.Motion(name, hinges[0].angle + 1.5 * hinges[1].angle, self._meshed()))
+                self.joints.append(mb.Motion(name, hinges[0].angle + 1.5 * hinges[1].angle, meshed))
             del self.start["j1.angle_rate"]
         if extra == "drive" and self.names[0] in ("Revolute", "Cylindrical", "Screw"):
             self.driven = True
@@ -208,9 +209,6 @@ class _Tree:
             for name in ("drive", "drive_again")[: 1 + self.doubled]:
                 self.joints.append(mb.Motion(name, hinge.angle, law))
             del self.start["j0.angle_rate"]
-
-    def _meshed(self) -> float:
-        return self.start["j0.angle"] + 1.5 * self.start["j1.angle"]
 
 
 def _four_bar(seed: int, spatial: bool, coordinates: Any) -> mb.Scene:

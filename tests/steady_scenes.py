@@ -43,8 +43,7 @@ def rolling_disc(rng: np.random.Generator) -> SteadyMotion:
     heading = mb.rotation((0, 0, 1), rng.uniform(-3, 3))
     start = {"disc.x": 0.3, "disc.y": 0.0, "disc.omega": (0.0, 0.0, w)}
     start["disc.rotation"] = heading @ mb.rotation((1, 0, 0), np.pi / 2)
-    square = -(2 * A * (2 * A + m * R * R) * w**2 - A * m * G * R) / (A * (A + m * R * R))
-    root = np.emath.sqrt(square)
+    root = np.emath.sqrt(-(2 * A * (2 * A + m * R * R) * w**2 - A * m * G * R) / (A * (A + m * R * R)))
     return SteadyMotion("rolling disc", mb.Scene(system, start, [0, 1], guess={"disc.z": R}), np.array([root, -root]))
 
 
@@ -129,7 +128,9 @@ def orbit(rng: np.random.Generator) -> SteadyMotion:
     return SteadyMotion("orbit", scene, 1j * rate * np.array([np.sqrt(3 - n), 1.0]))
 
 
-def _pendulum_beside_a_spring(rng: np.random.Generator, angle: float) -> SteadyMotion:
+def swing(rng: np.random.Generator, angle: float | None = None) -> SteadyMotion:
+    """A pendulum that is let go away from its equilibrium, beside a spring that has nothing to do with it."""
+    angle = rng.choice([-1, 1]) * rng.uniform(0.15, 2.8) if angle is None else angle
     L = rng.uniform(0.3, 3.0)
     rod, other = mb.Body("rod", 1.0, L * L / 12), mb.Body("other", 1.0, pose=mb.Particle())
     k = 10.0 ** rng.uniform(0, 9)
@@ -141,11 +142,6 @@ def _pendulum_beside_a_spring(rng: np.random.Generator, angle: float) -> SteadyM
     return SteadyMotion("swing" if angle else "hanging", scene, np.array([1j * np.sqrt(1.5 * G / L)]), not angle)
 
 
-def swing(rng: np.random.Generator) -> SteadyMotion:
-    """A pendulum that is let go away from its equilibrium, beside a spring that has nothing to do with it."""
-    return _pendulum_beside_a_spring(rng, rng.choice([-1, 1]) * rng.uniform(0.15, 2.8))
-
-
 def hanging(rng: np.random.Generator) -> SteadyMotion:
     """The same at rest."""
-    return _pendulum_beside_a_spring(rng, 0.0)
+    return swing(rng, 0.0)

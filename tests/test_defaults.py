@@ -220,10 +220,7 @@ def test_machines_of_files_belong_to_the_system_once(tmp_path):
     assert [e.name for e in system.elements] == ["rod", "hinge", "gravity"] and system.parameters is P
 
 
-SAME = [
-    ("\u00b5", "\u03bc"), ("\u212a", "K"), ("\ufb01", "fi"), ("e\u0301", "\u00e9"), ("\u017f", "s"),
-    ("\u1d65", "v"),
-]  # fmt: skip
+SAME = [*{"\u00b5": "\u03bc", "\u212a": "K", "\ufb01": "fi", "e\u0301": "\u00e9", "\u017f": "s", "\u1d65": "v"}.items()]
 TIMES = np.array([0.0, 1.0])
 
 

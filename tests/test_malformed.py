@@ -107,18 +107,12 @@ def test_numbers_of_what_users_give():
 
 
 OPTIONS = {
-    mb.Swarm: {"particles": 50, "steps": 10},
-    mb.PolynomialChaos: {"order": 100},
-    mb.MonteCarlo: {"samples": 100, "seed": 7},
-    mb.Taylor: {"order": 3, "subintervals": 2},
-    mb.RungeKutta: {"steps": 100},
-    mb.Collocation: {"degree": 4, "steps": 50},
-    mb.CVODES: {"rtol": 0.5, "atol": 0.25},
-    mb.Exact: {"tolerance": 0.5, "budget": 20},
-    mb.HyperbolicCross: {"q": 0.5},
-    mb.Baumgarte: {"alpha": 2, "beta": 0.5},
+    mb.Swarm: {"particles": 50, "steps": 10}, mb.PolynomialChaos: {"order": 100}, mb.RungeKutta: {"steps": 100},
+    mb.MonteCarlo: {"samples": 100, "seed": 7}, mb.Taylor: {"order": 3, "subintervals": 2},
+    mb.Collocation: {"degree": 4, "steps": 50}, mb.CVODES: {"rtol": 0.5, "atol": 0.25}, mb.HyperbolicCross: {"q": 0.5},
+    mb.Exact: {"tolerance": 0.5, "budget": 20}, mb.Baumgarte: {"alpha": 2, "beta": 0.5},
     mb.AugmentedLagrangian: {"penalty": 100.0, "iterations": 3},
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("kind", OPTIONS)
@@ -356,11 +350,9 @@ COMMANDS = [
     ["runs", "runs.db", "--keep"], ["runs"],
 ]  # fmt: skip
 TOLD = [
-    (["runs", "no_such.db"], "does not exist"),
-    (["runs", "text.db"], "is not a run store"),
-    (["runs", "runs.db", "--study", "7"], "no study 7"),
-    (["runs", "runs.db", "--export", "runs.xls"], ".nc"),
-]
+    (["runs", "no_such.db"], "does not exist"), (["runs", "text.db"], "is not a run store"),
+    (["runs", "runs.db", "--study", "7"], "no study 7"), (["runs", "runs.db", "--export", "runs.xls"], ".nc"),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("arguments", "text"), [*((words, "") for words in COMMANDS), *TOLD])

@@ -76,18 +76,10 @@ def test_module_tells_source_and_has_a_sketch(model):
 
 
 INSTRUCTIONS = {
-    "andrews": (1132, 1046),
-    "car_axis": (206, 141),
-    "chain": (435, 389),
-    "double_pendulum": (152, 135),
-    "four_bar": (320, 296),
-    "heavy_top": (434, 280),
-    "n_four_bar": (559, 522),
-    "rolling_disc": (615, 338),
-    "slider_crank": (251, 235),
-    "slider_crank_spatial": (1601, 1253),
-    "spherical_pendulum": (64, 37),
-}
+    "andrews": (1132, 1046), "car_axis": (206, 141), "chain": (435, 389), "double_pendulum": (152, 135),
+    "four_bar": (320, 296), "heavy_top": (434, 280), "n_four_bar": (559, 522), "rolling_disc": (615, 338),
+    "slider_crank": (251, 235), "slider_crank_spatial": (1601, 1253), "spherical_pendulum": (64, 37),
+}  # fmt: skip
 """Of the right side and of the accelerations, before there were flexible bodies and contacts."""
 
 

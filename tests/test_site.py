@@ -72,13 +72,10 @@ QUESTIONS = [
     ("How many parts are rejected?", "reject rate", "distributions"),
 ]
 """What a new user asks, the words that they type, and a page that must be among the first three answers."""
+SHOWN = "<table", "data:image/png;base64,"
 NOTEBOOKS = {
-    "tolerances": ["<iframe srcdoc=", "<table", "data:image/png;base64,", "The largest box that satisfies the limits"],
-    "black_boxes": [
-        "<table",
-        "data:image/png;base64,",
-        "runs of the FMU; its bounds differ from those of the program by",
-    ],
+    "tolerances": ["<iframe srcdoc=", *SHOWN, "The largest box that satisfies the limits"],
+    "black_boxes": [*SHOWN, "runs of the FMU; its bounds differ from those of the program by"],
     "paper": ["<iframe srcdoc=", "<table", "± 20%   paper"],
 }
 """Pages whose code runs in the build, and what is below their cells."""
@@ -178,10 +175,7 @@ def test_site(tmp_path):
     scripts = {path.stem for path in (ROOT / "examples").glob("*.py")}
     late = {name for name in scripts if "did not wait for its end" in gallery[name]}
     assert "artillery" in late and len(late) < len(scripts) / 2  # a busy machine has others
-    assert {name for name in scripts - late if not drawn[name]} == {
-        "cubic",
-        "live_mechanisms",
-    } - late  # links, or nothing
+    assert {name for name in scripts - late if not drawn[name]} == {"cubic", "live_mechanisms"} - late
     pages = re.findall(r'href="(\.\./drawn/live_mechanisms/\w+\.html)"><img', gallery["live_mechanisms"])
     assert len(pages) == 6 * (find_spec("ziglang") is not None) or "live_mechanisms" in late
     assert sum("iframe" in drawn[name] for name in scripts) >= 14 - len(late - {"artillery"})

@@ -8,6 +8,7 @@ import pytest
 from faults import refused, refused_command, warned
 from machines import bouncing_ball
 from numpy.testing import assert_allclose, assert_array_equal
+from small_scenes import particle
 
 import symmb as mb
 from symmb.bound.polynomials import basis_values
@@ -20,7 +21,6 @@ from symmb.show.cli.main import main
 INSTALL = r"Install gcc or clang, or run `pip install 'symmb\[compiler\]'`, or set CC\."
 TOLD = f"No C compiler found. Without a C compiler runs take about 100 times as long. {INSTALL}"
 TIMES = np.linspace(0.0, 2.0, 21)
-P = mb.Parameters(k=4.0)
 
 
 @pytest.fixture(autouse=True)
@@ -33,11 +33,9 @@ def _no_compiler(monkeypatch):
     build._compiler.cache_clear()
 
 
-def spring(law=lambda x: -P.k * x, times=TIMES):
+def spring(law=lambda k, x: -k * x):
     """A mass of 1 kg on a spring of k in [3, 5] N/m, x = cos(sqrt(k) t), or under another force."""
-    bob = mb.Body("bob", 1.0, pose=mb.Particle())
-    system = mb.System(bob, mb.Force("spring", bob.point(0, 0), (law(bob.x), 0)), parameters=P)
-    return mb.Scene(system, {"bob.x": 1.0}, times, {"x": bob.x}, mb.Box(k=(3.0, 5.0)))
+    return particle(lambda p, mass: law(p.k, mass.x), TIMES, {"mass.x": 1.0}, k=(3.0, 5.0))
 
 
 def known(k):
@@ -49,7 +47,7 @@ def test_a_smooth_scene_runs():
     run = mb.simulate(spring())
     assert run.solver == "CVODES()" and not run.doubts
     assert_allclose(run["x"], known([4.0])[0], atol=1e-8)
-    assert not mb.simulate(spring(lambda x: ca.if_else(mb.t < 0.3, -x, 0))).doubts
+    assert not mb.simulate(spring(lambda k, x: ca.if_else(mb.t < 0.3, -x, 0))).doubts
     checked = mb.simulate(spring(), check=True)
     assert not checked.doubts and checked.error.max() < 1e-6
 
@@ -66,7 +64,7 @@ def test_a_stiff_scene_runs():
 def test_switches_are_left_to_the_control_of_steps():
     """A wall of 1 kN/m at x = 0, which throws the mass back in a motion about k / (k + 1000)."""
     with pytest.warns(mb.SymmbWarning, match=f"steps do not end at switches: short pulses .*{INSTALL}"):
-        run = mb.simulate(spring(lambda x: -P.k * x + ca.if_else(x < 0, -1000 * x, 0)))
+        run = mb.simulate(spring(lambda k, x: -k * x + ca.if_else(x < 0, -1000 * x, 0)))
     fast = np.sqrt(1004.0)
     half, back = np.pi / 4, np.pi / fast  # from x = 1 to the wall, and in it
     t = TIMES % (2 * half + back)

@@ -8,11 +8,19 @@ from scipy.optimize import linprog
 from small_scenes import formulas
 
 import symmb as mb
+from symmb.bound.bounds.direct_search import direct_search
+from symmb.bound.bounds.gradient_sampling import gradient_sampling
 
 pytestmark = pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")  # the estimate is large, the limit is decided
 HEIGHT = 5.0
 CLOSE = 3e-3
 """Distance of limits from the lowest peak, divided by the width of the peak."""
+
+
+def least_of_slopes(slopes, heights) -> float:
+    """The largest value over the box of the least of two functions that are linear in d parameters."""
+    d, rows = slopes.shape[1], np.column_stack([-slopes, np.ones(2)])
+    return float(-linprog(-np.eye(d + 1)[d], rows, heights, bounds=[(-1, 1)] * d + [(None, None)]).fun)
 
 
 def two_hills(seed: int) -> tuple[mb.Scene, float]:
@@ -29,9 +37,8 @@ def two_hills(seed: int) -> tuple[mb.Scene, float]:
         curve = (a + b) / 2 + (a - b) / 2 * ca.cos(np.pi * mb.t)
         return {"peak": mb.maximum(curve), "curve": curve}
 
-    rows, sides = np.column_stack([slopes, -np.ones(2)]), [(-1, 1)] * d + [(None, None)]
-    lowest = linprog(np.eye(d + 1)[d], rows, [-HEIGHT, -HEIGHT], bounds=sides).fun
-    return formulas(outputs, np.linspace(0, 1, 11), **dict.fromkeys(names, (-1.0, 1.0))), float(lowest)
+    lowest = -least_of_slopes(-slopes, [-HEIGHT, -HEIGHT])
+    return formulas(outputs, np.linspace(0, 1, 11), **dict.fromkeys(names, (-1.0, 1.0))), lowest
 
 
 @pytest.mark.parametrize("seed", [10, 22])
@@ -57,3 +64,65 @@ def test_polls_end_beside_the_lowest_peak():
     box = mb.Box(**dict.fromkeys(scene.box.names, (-factor, factor)))
     check = mb.propagate(scene, box=box).check({"peak": ((HEIGHT + lowest) / 2, None)})
     assert check.kept is False and check["peak"].margin.min() > (0.5 - factor) * (HEIGHT - lowest) * 1.001
+
+
+# Local searches without derivatives, against places that are known
+
+
+def ridge(x):
+    """Largest, 0, at (0.2, 0.2): along the axes every other point of the ridge is a summit."""
+    return -np.maximum(np.abs(x[:, 0] + x[:, 1] - 0.4), 3 * np.abs(x[:, 0] - x[:, 1]))
+
+
+def bowl(x):
+    """Largest, 2, at the corner (1, -1, 1)."""
+    return x @ [1.0, -0.5, 0.5] * (1 + 0.1 * x[:, 1]) + 0.2
+
+
+def hill(x):
+    return 1 - np.square(x - [0.3, -0.1, 0.7, 0.0]).sum(axis=1)
+
+
+@pytest.mark.parametrize(("f", "place", "value", "tolerance"), [
+    (ridge, (0.2, 0.2), 0.0, 0.05), (bowl, (1, -1, 1), 2.0, 1e-12), (hill, (0.3, -0.1, 0.7, 0.0), 1.0, 1e-9),
+])  # fmt: skip
+def test_it_finds_the_largest_value(f, place, value, tolerance):
+    found = direct_search(f, np.array([-0.9 * np.ones(len(place))]), most=1000)
+    assert found.value == pytest.approx(value, abs=tolerance) and found.value == f(found.place[None])[0]
+    assert found.error < 0.4 and np.abs(found.place - place).max() < 5 * tolerance**0.5
+
+
+def test_it_ends_early_and_says_so():
+    calls = []
+
+    def f(x):
+        calls.append(len(x))
+        return hill(x)
+
+    starts = -np.ones((1, 4))
+    assert direct_search(f, starts, most=20).error == np.inf and sum(calls) < 20 + 9
+    assert direct_search(f, starts, most=1000, enough=-4.0).value > -4.0
+
+
+def test_places_without_a_value_are_left_out():
+    found = direct_search(lambda x: np.where(x[:, 0] > 0.5, -np.inf, bowl(x)), np.zeros((1, 3)), most=1000)
+    assert found.value == pytest.approx(1.55, abs=0.2) and found.place[0] <= 0.5
+    assert direct_search(lambda x: np.full(len(x), -np.inf), np.zeros((1, 3)), most=1000).error == np.inf
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_crease_is_followed_to_its_largest_value(seed):
+    # The least of two slopes whose normals are opposed in all but one direction: the crease leads to a vertex of a
+    # linear program, which SciPy knows.
+    rng = np.random.default_rng(seed)
+    d = int(rng.integers(4, 11))
+    slope, drift = rng.normal(size=d), 0.1 * rng.normal(size=d)
+    slopes, heights = np.stack([slope + drift, drift - slope]), rng.normal(size=2) * 0.3
+
+    def f(x):
+        return (x @ slopes.T + heights).min(axis=1)
+
+    starts = np.random.default_rng(seed).uniform(-1, 1, (16, d))
+    polled = direct_search(f, starts, most=600)
+    found = gradient_sampling(f, polled.place, polled.value, 1e-4, np.inf)
+    assert found.value == pytest.approx(least_of_slopes(slopes, heights), abs=1e-6)

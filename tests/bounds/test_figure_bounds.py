@@ -7,6 +7,7 @@ import casadi as ca
 import numpy as np
 import pytest
 import scipy.stats
+from black_boxes import reloaded
 from machines import ball
 from small_scenes import formulas
 
@@ -54,9 +55,7 @@ def test_tolerances_keep_a_limit_of_a_figure(bounds):
 
 @pytest.mark.parametrize("suffix", ["json", "npz"])
 def test_files_hold_figures(bounds, tmp_path, suffix):
-    path = tmp_path / f"bounds.{suffix}"
-    bounds.save(path)
-    assert mb.Bounds.load(path)["height"] == bounds["height"]
+    assert reloaded(bounds, tmp_path / f"bounds.{suffix}")["height"] == bounds["height"]
     assert pickle.loads(pickle.dumps(bounds))["height"] == bounds["height"]
 
 

@@ -233,9 +233,7 @@ def doubted(*doubts: str, estimate: tuple[float, float] = (0.0, 0.0)) -> mb.Boun
 def test_a_doubt_about_one_output_leaves_limits_of_others(tmp_path):
     limits = {"y": (-2, 2), "z": (-2, 2)}
     bounds = doubted(Doubt("The noise of y is large.", ["y"]))
-    bounds.save(tmp_path / "a.npz")
-    bounds.save(tmp_path / "a.json")
-    copies = [mb.Bounds.load(tmp_path / f"a.{end}") for end in ("npz", "json")]
+    copies = [reloaded(bounds, tmp_path / f"a.{end}") for end in ("npz", "json")]
     for each in (bounds, pickle.loads(pickle.dumps(bounds)), *copies):
         check = each.check(limits)
         assert (check["y"].kept, check["z"].kept) == (None, True) and "noise of y" in check["y"].why

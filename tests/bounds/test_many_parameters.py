@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from _directions import directions
 from _engineering import cases, monotone_series
-from black_boxes import black_box_bounds, quietly
+from black_boxes import black_box_bounds, quietly, unit_bounds
 
 import symmb as mb
 from symmb.bound.bounds.adaptive.output_study import OutputStudy
@@ -91,9 +91,7 @@ def test_bounds_of_formulas_are_their_ranges(number):
     """True ranges are those of corners and of searches; tests/benchmarks/engineering_formulas.py has more cases."""
     case = formulas()[number]
     bounds, _ = study(lambda **p: np.broadcast_to(case.f(case.t, **p), case.t.shape), case.box, case.t)
-    assert (
-        errors(bounds, case.lower, case.upper) <= 0.02 * (case.upper - case.lower).max()
-    ).all() and not bounds.doubts
+    assert errors(bounds, case.lower, case.upper).max() <= 0.02 * (case.upper - case.lower).max() and not bounds.doubts
 
 
 def swinging(d):
@@ -226,3 +224,53 @@ def test_an_error_that_hardly_decreases_is_stalled(before, is_stalled):
     study = OutputStudy(SimpleNamespace(box=range(7), shape=(20, 1), left=1000), 1e-2, False)
     study.grid, study._error, study._errors = SimpleNamespace(row=range(100)), np.float64(0.1), {50: before}
     assert study._is_stalled() == is_stalled
+
+
+# Many outputs: each is bounded among others as well as alone
+
+TIMES, PATIENT = np.linspace(0.0, 1.0, 60), mb.PolynomialChaos(seconds=600.0)
+LAWS = {
+    "kink": np.abs,
+    "clipped": lambda z: np.clip(3 * z, -1, 1),
+    "bump": lambda z: np.exp(-np.square(z) / 0.125),
+    "resonance": lambda z: 1 / np.hypot(1 - (1 + 0.3 * z) ** 2, 0.1 * (1 + 0.3 * z)),
+}
+
+
+@pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
+@pytest.mark.parametrize(("d", "seed"), [(1, 0), (1, 1), (1, 2), (2, 3)])
+def test_a_hard_output_among_smooth_ones_is_bounded(law, d, seed):
+    """law(z - c) (1 + t) among 19 exponentials. Its range is that over 20,001 numbers z."""
+    rng = np.random.default_rng(seed)
+    a, c = rng.normal(size=(20, d)), rng.uniform(-0.6, 0.6)
+    a /= np.abs(a).sum(axis=1, keepdims=True)
+
+    def f(x):
+        s = a @ x
+        Y = np.exp(0.3 * s) * (1 + TIMES)[:, None]
+        Y[:, 0] = law(s[0] - c) * (1 + TIMES)
+        return Y
+
+    bounds = quietly(unit_bounds, f, d, PATIENT, TIMES, [f"y{k}" for k in range(20)])
+    values = law(np.linspace(-1, 1, 20_001) - c)
+    error = np.abs([bounds.lower[-1, 0] / 2 - values.min(), bounds.upper[-1, 0] / 2 - values.max()]).max()
+    assert error <= 0.02 * np.ptp(values) or bounds.doubts
+
+
+@pytest.mark.parametrize(("d", "seed"), [(4, 5), (5, 6)])
+def test_a_smooth_output_does_not_pay_for_a_kink(d, seed):
+    """exp(a x + t) is bounded as in a study of its own, beside |b x - t| sin(3 b x), whose kink moves."""
+    rng = np.random.default_rng(seed)
+    a, b = rng.uniform(0.1, 0.3, d), rng.uniform(-1, 1, d)
+
+    def f(x):
+        return np.stack([np.exp(a @ x + TIMES), np.abs(b @ x - TIMES) * np.sin(3 * b @ x)], axis=1)
+
+    both = quietly(unit_bounds, f, d, PATIENT, TIMES, ["smooth", "kink"])
+    own = quietly(unit_bounds, lambda x: f(x)[:, :1], d, PATIENT, TIMES, ["smooth"])
+    width = own.upper - own.lower
+    for bounds in (both, own):
+        assert (np.abs(bounds.lower[:, :1] - np.exp(TIMES - a.sum())[:, None]) < 0.01 * width).all()
+        assert (np.abs(bounds.upper[:, :1] - np.exp(TIMES + a.sum())[:, None]) < 0.01 * width).all()
+        assert "smooth" not in bounds.doubtful()
+    assert both.estimate[:, 0].max() < 1.5 * own.estimate.max() + 1e-12

@@ -6,7 +6,7 @@ from functools import wraps
 import numpy as np
 import pytest
 import textbook_functions
-from black_boxes import rms
+from black_boxes import reloaded, rms
 from faults import refused, warned
 from mechanisms import double_pendulum
 from scipy.stats import norm
@@ -163,8 +163,7 @@ def test_smaller_boxes_use_the_same_polynomials(box, ends):
 
 @pytest.mark.parametrize("suffix", ["npz", "json"])
 def test_the_next_run_is_saved(suffix, tmp_path):
-    BOUNDS.save(path := tmp_path / f"bounds.{suffix}")
-    assert mb.Bounds.load(path).next_run == BOUNDS.next_run
+    assert reloaded(BOUNDS, tmp_path / f"bounds.{suffix}").next_run == BOUNDS.next_run
 
 
 def test_the_default_box_is_told():
@@ -249,23 +248,17 @@ def test_the_next_run_reduces_the_error_more_than_a_random_run():
     assert errors[0] < 0.5 * errors[1]
 
 
-@pytest.mark.parametrize(
-    "method",
-    [mb.MonteCarlo(10), mb.Scanning(3), mb.Optimization(), mb.Vertex(), mb.Taylor(), mb.PolynomialChaos(order=2)],
-)
-def test_methods_that_need_runs_say_so(method):
-    with pytest.raises(mb.PropagationError, match=r"RecordedRuns\(60 runs of y\) cannot make new runs\. Use propagate"):
-        mb.propagate(SQUARE, method, SQUARE_BOX)
+NEEDY = mb.MonteCarlo(10), mb.Scanning(3), mb.Optimization(), mb.Vertex(), mb.Taylor(), mb.PolynomialChaos(order=2)
 
 
-def test_other_studies_that_need_runs_say_so():
-    for study in (
-        lambda: mb.sweep(SQUARE, {"p0": [0.0, 0.5]}),
-        lambda: mb.compare(SQUARE, box=SQUARE_BOX),
-        lambda: mb.tolerances(SQUARE, {"y": (None, 3.0)}, box=SQUARE_BOX),
-        lambda: mb.Vertex().bounds(SQUARE, SQUARE_BOX),
-    ):
-        refused("cannot make new runs", study, error=mb.PropagationError)
+def test_methods_and_other_studies_that_need_runs_say_so():
+    none, own = r"RecordedRuns\(60 runs of y\) cannot make new runs\. Use propagate", {"error": mb.PropagationError}
+    for method in NEEDY:
+        refused(none, mb.propagate, SQUARE, method, SQUARE_BOX, **own)
+    refused(none, mb.sweep, SQUARE, {"p0": [0.0, 0.5]}, **own)
+    refused(none, mb.compare, SQUARE, box=SQUARE_BOX, **own)
+    refused(none, mb.tolerances, SQUARE, {"y": (None, 3.0)}, box=SQUARE_BOX, **own)
+    refused(none, mb.Vertex().bounds, SQUARE, SQUARE_BOX, **own)
 
 
 @pytest.mark.parametrize(

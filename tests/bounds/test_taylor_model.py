@@ -1,13 +1,15 @@
 """TaylorModel: proved bounds of scenes, what it refuses, and what it says where a proof ends."""
 
 import itertools
+import pickle
 import warnings
 
 import casadi as ca
+import machines
 import numpy as np
 import pytest
 import random_proofs
-from black_boxes import errors_of, quietly
+from black_boxes import errors_of, quietly, reloaded
 from enclosure_samples import require_sharp
 from enclosure_scenes import pendulum, van_der_pol
 from faults import refused, warned
@@ -36,12 +38,11 @@ def test_the_cubic_is_exact():
 def test_bounds_of_a_scene_hold_runs_and_are_close_to_them():
     scene = pendulum(spread=0.05)
     bounds = mb.propagate(scene, mb.TaylorModel(order=6))
-    inner = mb.propagate(scene, mb.Scanning(41), solver=mb.DormandPrince(rtol=1e-12))
+    lower, upper = scanned(scene, 41)
     assert bounds.evaluations == 1 and not bounds.doubts
-    own = 1e-11 * np.abs(inner.upper).max(axis=0)  # error of the runs
-    assert (bounds.lower <= inner.lower + own).all() and (inner.upper <= bounds.upper + own).all()
-    width = (inner.upper - inner.lower).max(axis=0)
-    assert (errors_of(bounds, inner.lower, inner.upper) <= 1e-3 * width).all()
+    own = 1e-11 * np.abs(upper).max(axis=0)  # error of the runs
+    assert (bounds.lower <= lower + own).all() and (upper <= bounds.upper + own).all()
+    assert (errors_of(bounds, lower, upper) <= 1e-3 * (upper - lower).max(axis=0)).all()
 
 
 def test_times_that_begin_later():
@@ -52,13 +53,12 @@ def test_times_that_begin_later():
 
 def test_a_lost_proof_is_doubtful_and_infinite(tmp_path):
     scene = particle(lambda p, mass: p.k * mass.x**3, np.linspace(0.0, 3.0, 31), {"mass.x": 1.0}, k=(0.9, 1.1))
-    with pytest.warns(mb.SymmbWarning, match=r"proved up to t = 1\.\d+ s only and infinite later.*more boxes"):
-        bounds = mb.propagate(scene, mb.TaylorModel(order=4))
+    told = r"proved up to t = 1\.\d+ s only and infinite later.*more boxes"
+    bounds = warned(told, mb.propagate, scene, mb.TaylorModel(order=4))
     finite = np.isfinite(bounds.upper[:, 0])
     assert finite[:11].all() and not finite[-10:].any() and (np.isinf(bounds.lower) == np.isinf(bounds.upper)).all()
     assert "proved up to" in str(bounds)
-    bounds.save(tmp_path / "bounds.npz")
-    np.testing.assert_array_equal(type(bounds).load(tmp_path / "bounds.npz").upper, bounds.upper)
+    np.testing.assert_array_equal(reloaded(bounds, tmp_path / "bounds.npz").upper, bounds.upper)
     assert bounds.to_json()["upper"][-1] == [None]
     bounds.plot(tmp_path / "bounds.png")
 
@@ -94,8 +94,7 @@ def test_a_long_proof_tells_early_how_long_it_takes(monkeypatch):
 
 def test_errors_of_a_solver_are_no_doubt_about_a_proof():
     scene, loose = van_der_pol(end=4.0), mb.DormandPrince(rtol=1e-1)
-    with pytest.warns(mb.SymmbWarning, match="exceed a thousandth of their range"):
-        assert mb.propagate(scene, mb.Vertex(), solver=loose).doubts
+    assert warned("exceed a thousandth of their range", mb.propagate, scene, mb.Vertex(), solver=loose).doubts
     assert not mb.propagate(scene, mb.TaylorModel(order=4), solver=loose).doubts
 
 
@@ -105,11 +104,15 @@ def _switched(window):
 
 REDUNDANT = r"constraints depend on other constraints \(.*er\)\. It cannot be proved"
 REFUSED = {
-    "redundant": (lambda: _door_on_two_hinges(offset=(-1e-3, 1e-3)), REDUNDANT),
+    "redundant": (lambda: door_on_two_hinges(offset=(-1e-3, 1e-3)), REDUNDANT),
     "impact": (bouncing_ball.scene, "cannot prove bounds for scenes with impacts"),
     "floor": (lambda: formulas(lambda p: {"f": ca.floor(p.x)}, x=(0.0, 1.0)), "does not support floor"),
     "switch by fmod": (lambda: _switched(lambda t: ca.fmod(t, 0.5) - 0.1), "does not support floor"),
     "switch by remainder": (lambda: _switched(lambda t: ca.remainder(t, 0.3)), "does not support floor"),
+    "more parameters than polynomials have room for": (
+        lambda: formulas(lambda p: {"f": p.a * p.b * p.c * p.d * p.e * p.f}, **dict.fromkeys("abcdef", (0.99, 1.01))),
+        "of 6 parameters have 4826809 terms.* Use order=5, fewer",
+    ),
     "switch by floor": (lambda: _switched(lambda t: t - ca.floor(t) - 0.5), "does not support floor"),
 }
 
@@ -119,37 +122,30 @@ def test_what_is_refused(scene, message):
     refused(message, mb.propagate, scene(), mb.TaylorModel(), error=mb.PropagationError)
 
 
-def _door_on_two_hinges(**box):
+def door_on_two_hinges(**box):
     p = mb.Parameters(mass=2.0, offset=0.0)
     door, ground = mb.Body("door", p.mass, (0.1, 0.2, 0.3), pose=mb.Spatial()), mb.Ground()
     places = (("lower", 0, -0.4), ("upper", p.offset, 0.4))
     hinges = [mb.Revolute(name, ground.point(x, 0, z), door.point(-0.5, 0, z), axis=(0, 0, 1)) for name, x, z in places]
-    system = mb.System(door, *hinges, mb.Force("push", door.point(0.5, 0, 0), (0, 1, 0)), parameters=p)
+    push = mb.Force("push", door.point(0.5, 0, 0), (0, 1, 0)), mb.Gravity(0, 0, -9.81)
+    system = mb.System(door, *hinges, *push, parameters=p)
     start = {"lower.angle_rate": 1.0}
     return mb.Scene(system, start, [0.0, 0.1], {"x": door.x}, guess={"door.x": 0.5}, box=mb.Box(**box))
 
 
 def test_rows_that_vanish_are_left_out():
     """With one hinge more, or without it."""
-    scene = _door_on_two_hinges(mass=(1.9, 2.1))
+    scene = door_on_two_hinges(mass=(1.9, 2.1))
     bounds = mb.propagate(scene, mb.TaylorModel())
     np.testing.assert_allclose([bounds.lower, bounds.upper], scanned(scene), atol=1e-10)
 
 
 def _four_bar(start, box, times=(0.0, 0.1, 0.2), coordinates=None, lengths=(0.3, 0.9, 0.7, 0.8)):
     """A crank of length a, a coupler, and a rocker, on the branch above the ground."""
-    p, ground, (_, b, c, d) = mb.Parameters(a=lengths[0], tilt=0.8, spin=1.0), mb.Ground(), lengths
-    crank, coupler, rocker = (mb.Body(name, 1.0, 0.04) for name in ("crank", "coupler", "rocker"))
-    joints = [
-        mb.Revolute("O", ground.point(0, 0), crank.point(-p.a / 2, 0)),
-        mb.Revolute("A", crank.point(p.a / 2, 0), coupler.point(-b / 2, 0)),
-        mb.Revolute("B", coupler.point(b / 2, 0), rocker.point(c / 2, 0)),
-        mb.Revolute("C", ground.point(d, 0), rocker.point(-c / 2, 0)),
-    ]
-    system = mb.System(crank, coupler, rocker, *joints, mb.Gravity(0, -9.81), parameters=p)
+    machine = machines.linkage(lengths=lengths, inertia=0.04, g=9.81, tilt=0.8, spin=1.0)
     guess = {"coupler.theta": 0.5, "rocker.theta": 1.5, "crank.theta": 0.8}
-    outputs = {"rocker": rocker.theta, "speed": rocker.omega}
-    return mb.Scene(system, start(p), times, outputs, guess=guess, box=box, coordinates=coordinates)
+    outputs = {"rocker": machine.rocker.theta, "speed": machine.rocker.omega}
+    return machine.scene(outputs, times, start(machine.p), guess=guess, box=box, coordinates=coordinates)
 
 
 @pytest.mark.parametrize("times", [(0.0,), (0.0, 0.1, 0.2)])
@@ -190,20 +186,12 @@ def test_a_spring_that_holds_a_mass_in_equilibrium():
     assert errors_of(bounds, -1 - 9.81 / 90, -1 - 9.81 / 110).max() < 1e-6
 
 
-def test_more_parameters_than_polynomials_have_room_for_are_refused():
-    product = lambda p: {"f": p.a * p.b * p.c * p.d * p.e * p.f}  # noqa: E731
-    scene, told = formulas(product, **dict.fromkeys("abcdef", (0.99, 1.01))), "of 6 parameters have 4826809 terms"
-    refused(rf"{told}.* Use order=5, fewer", mb.propagate, scene, mb.TaylorModel(), error=mb.PropagationError)
-
-
 def test_a_rate_at_the_start_may_follow_a_parameter():
     """The start divides by pivots that nearly cancel; bounds against runs."""
-    p = mb.Parameters(k=1.0)
-    rod = mb.Body("rod", mass=1.0, inertia=p.k**2 / 12)
-    hinge = mb.Revolute("hinge", mb.Ground().point(0, 0), rod.point(0, p.k / 2))
-    system = mb.System(rod, hinge, mb.Gravity(0, -9.81), parameters=p)
-    start, times = {"hinge.angle": 1.0, "hinge.angle_rate": -p.k}, np.linspace(0, 0.5, 3)
-    scene = mb.Scene(system, start, times, {"angle": hinge.angle, "rate": hinge.angle_rate}, box=mb.Box(k=(0.9, 1.1)))
+    machine = machines.rods(1)
+    start = {"hinge0.angle": 1.0, "hinge0.angle_rate": -machine.p.length}
+    outputs = {"angle": machine.hinge0.angle, "rate": machine.hinge0.angle_rate}
+    scene = machine.scene(outputs, np.linspace(0, 0.5, 3), start, box=mb.Box(length=(0.9, 1.1)))
     bounds = mb.propagate(scene, mb.TaylorModel())
     lower, upper = scanned(scene, 41)
     assert (bounds.lower <= lower + 1e-11).all() and (upper <= bounds.upper + 1e-11).all()
@@ -249,10 +237,8 @@ def test_a_free_body_that_carries_a_hinge(start, mass, arm):
 
 def _steep_rod(upper, times):
     """A rod whose centre is at a height up to one that it reaches upright: the angle is steep there."""
-    p, rod = mb.Parameters(y=0.47), mb.Body("rod", 1.0, 0.1)
-    hinge = mb.Revolute("hinge", mb.Ground().point(0, 0), rod.point(-0.5, 0))
-    system, guess = mb.System(rod, hinge, mb.Gravity(0, -9.81), parameters=p), {"rod.theta": 0.5}
-    return mb.Scene(system, {"rod.y": p.y}, times, {"x": rod.x}, guess=guess, box=mb.Box(y=(0.45, upper)))
+    machine, guess = machines.pendulum(length=0.5, y=0.47), {"rod.theta": 0.5}
+    return machine.scene("x", times, {"rod.y": machine.p.y}, guess=guess, box=mb.Box(y=(0.45, upper)))
 
 
 @pytest.mark.parametrize(("upper", "boxes", "enough"), [(0.4999, 1, False), (0.499, 8, True), (0.4995, 16, True)])
@@ -349,3 +335,119 @@ def test_a_spring_whose_points_meet_is_named_before_the_proof(height, offset, le
     scene = machine.scene("y", np.linspace(0, 1.0, 11), start, box=box)
     told = problem_of(mb.TaylorModel(), mb.prepare(scene), box).meeting
     assert ("'cord' may reach the length 0 at about t = " in told and "Use earlier times" in told) if met else not told
+
+
+# Reactions, accelerations and forces of actuators, against closed forms
+
+
+def _tension(**kw):
+    """A mass on an arm without mass, released at rest: its closed form is m g (3 cos(angle) - 2 cos(start))."""
+    p = mb.Parameters(m=2.0, l=0.8)
+    ball = mb.Body("ball", p.m, 0.0)
+    hinge = mb.Revolute("hinge", mb.Ground().point(0, 0), ball.point(0, p.l))
+    system = mb.System(ball, hinge, mb.Gravity(0, -9.81), parameters=p)
+    pull, angle = system.reaction("hinge"), ball.theta
+    tension = pull.fy * ca.cos(angle) - pull.fx * ca.sin(angle)
+    exact = p.m * 9.81 * (3 * ca.cos(angle) - 2 * np.cos(1.0))
+    fall = system.ddt(ball.omega) + 9.81 / p.l * ca.sin(angle)
+    outputs = {"tension": tension, "off": tension - exact, "fall": fall}
+    box = mb.Box(m=(1.9, 2.1), l=(0.78, 0.82))
+    return mb.Scene(system, {"ball.theta": 1.0}, np.linspace(0.0, 1.0, 11), outputs, box=box, **kw)
+
+
+@pytest.mark.parametrize("coordinates", ["joint", "body"])
+def test_the_reaction_of_a_pendulum(coordinates):
+    """m g cos(angle) + m l rate^2, with the rate from the energy."""
+    scene = _tension(coordinates=coordinates)
+    bounds = mb.propagate(scene, mb.TaylorModel(order=6))
+    alone = scene.with_outputs({"tension": scene.outputs["tension"]})
+    runs = mb.propagate(alone, mb.Scanning(21), solver=mb.DormandPrince(rtol=1e-12))
+    assert not bounds.doubts
+    np.testing.assert_allclose(bounds["tension"], runs["tension"], atol=1e-4)
+    for name in ("off", "fall"):
+        lower, upper = bounds[name]
+        assert (lower <= 0).all() and (upper >= 0).all() and (upper - lower < 1e-4).all()
+
+
+def test_a_copy_of_a_simulator_proves_the_same():
+    """A pickle has no scene."""
+    scene = _tension().with_times([0.0, 0.1])
+    simulator = mb.DAESimulator(scene)
+    both = (simulator, pickle.loads(pickle.dumps(simulator)))
+    bounds, copied = (mb.propagate(each, mb.TaylorModel(order=4), box=scene.box) for each in both)
+    np.testing.assert_allclose([copied.lower, copied.upper], [bounds.lower, bounds.upper], atol=1e-6)
+
+
+def test_the_torque_of_a_driven_crank():
+    """By virtual power: torque times rate = sum of the powers of inertia and weight. A guide without friction."""
+    p = mb.Parameters(crank=0.3, mass=1.0)
+    ground = mb.Ground()
+    crank, rod, slider = mb.Body("crank", 1.0, 0.01), mb.Body("rod", p.mass, 0.06), mb.Body("slider", 2.0, 0.01)
+    main = mb.Revolute("main", ground.point(0, 0), crank.point(-p.crank / 2, 0))
+    elements = (
+        main,
+        mb.Revolute("pin", crank.point(p.crank / 2, 0), rod.point(-0.45, 0)),
+        mb.Revolute("wrist", rod.point(0.45, 0), slider.point(0, 0)),
+        mb.Prismatic("guide", ground.point(0, 0), slider.point(0, 0), axis=(1, 0, 0)),
+        mb.Motion("drive", main.angle, 0.5 + 3.0 * mb.t),
+    )
+    system = mb.System(crank, rod, slider, *elements, mb.Gravity(0, -9.81), parameters=p)
+    power = sum(
+        m * (system.ddt(b.vx) * b.vx + (system.ddt(b.vy) + 9.81) * b.vy) + inertia * system.ddt(b.omega) * b.omega
+        for b, m, inertia in ((crank, 1.0, 0.01), (rod, p.mass, 0.06), (slider, 2.0, 0.01))
+    )
+    torque, guide = -system.lam("drive")[0], system.reaction("guide")
+    outputs = {"torque": torque, "off": torque * 3.0 - power, "side": guide.fy, "along": guide.fx}
+    guess = {"crank.theta": 0.5, "rod.theta": -0.2, "slider.x": 1.1}
+    times, box = np.linspace(0.0, 0.5, 6), mb.Box(crank=(0.29, 0.31), mass=(0.9, 1.1))
+    scene = mb.Scene(system, {}, times, outputs, guess=guess, box=box)
+    bounds = mb.propagate(scene, mb.TaylorModel(order=5))
+    runs = mb.propagate(scene, mb.Scanning(17), solver=mb.DormandPrince(rtol=1e-12))
+    assert not bounds.doubts  # the guide has no force along it, and bounds that are 0 are not wide
+    np.testing.assert_allclose(bounds["torque"], runs["torque"], atol=1e-5)
+    np.testing.assert_allclose(bounds["side"], runs["side"], atol=1e-5)
+    lower, upper = bounds["off"]
+    assert (lower <= 0).all() and (upper >= 0).all() and (upper - lower < 1e-6).all()
+
+
+@pytest.mark.parametrize(("coordinates", "more"), [("joint", {"k": (45.0, 55.0)}), ("body", {})])
+def test_the_reaction_of_a_controlled_hinge(coordinates, more):
+    """A body that follows its controller exactly, beyond half a turn: m r w^2 towards the axis, and the weight."""
+    p = mb.Parameters(k=50.0, m=2.0)
+    body = mb.Body("body", p.m, (0.1, 0.2, 0.3), pose=mb.Spatial())
+    hinge = mb.Revolute("hinge", mb.Ground().point(0, 0, 0), body.point(-0.5, 0, 0), axis=(0, 0, 1))
+    law = p.k * (3.1 + 8.0 * mb.t - hinge.angle)
+    system = mb.System(body, hinge, mb.Actuator("motor", hinge, law), mb.Gravity(0, 0, -9.81), parameters=p)
+    pull, times = system.reaction("hinge"), np.linspace(0.0, 0.05, 2)
+    outputs = {"x": pull.fx, "y": pull.fy, "z": pull.fz, "law": law, "rate": system.ddt(hinge.angle_rate)}
+    box, start = mb.Box(m=(1.9, 2.1), **more), {"hinge.angle": 3.1, "hinge.angle_rate": 8.0}
+    scene = mb.Scene(system, start, times, outputs, box=box, coordinates=coordinates)
+    bounds = mb.propagate(scene, mb.TaylorModel(order=3))
+    angle, m = 3.1 + 8 * times, np.array([[1.9], [2.1]])
+    for name, pull in {"x": -32.0 * np.cos(angle), "y": -32.0 * np.sin(angle), "z": 9.81 + 0 * times}.items():
+        np.testing.assert_allclose(bounds[name], np.sort(m * pull, axis=0), atol=1e-5)
+    np.testing.assert_allclose([*bounds["law"], *bounds["rate"]], 0.0, atol=1e-5)
+
+
+def test_multipliers_that_are_not_determined_are_those_of_least_norm():
+    """Two hinges share the weight of a door."""
+    scene = door_on_two_hinges(mass=(1.9, 2.1))
+    outputs = {name: scene.system.reaction(name).fz for name in ("lower", "upper")}
+    told = "'lower', 'upper' depend on how the redundant constraints"
+    bounds = warned(told, mb.propagate, scene.with_outputs(outputs), mb.TaylorModel(order=4))
+    weight = np.array([[1.9], [2.1]]) * 9.81 / 2
+    for name in outputs:
+        np.testing.assert_allclose(bounds[name], weight + np.zeros(2), atol=1e-6)
+
+
+def test_a_body_at_rest():
+    """A welded beam has no motion: its reactions are formulas of the parameters."""
+    p = mb.Parameters(m=2.0, l=1.5)
+    beam = mb.Body("beam", p.m, 0.1)
+    weld = mb.Weld("weld", mb.Ground().point(0, 0), beam.point(-p.l, 0))
+    system = mb.System(beam, weld, mb.Gravity(0, -9.81), parameters=p)
+    hold = system.reaction("weld")
+    outputs, box = {"force": hold.fy, "moment": hold.tz}, mb.Box(m=(1.9, 2.1), l=(1.4, 1.6))
+    bounds = mb.propagate(mb.Scene(system, {}, [0.0, 1.0], outputs, box=box), mb.TaylorModel())
+    np.testing.assert_allclose(bounds.lower[-1], [1.9 * 9.81, 1.9 * 9.81 * 1.4], rtol=1e-9)
+    np.testing.assert_allclose(bounds.upper[-1], [2.1 * 9.81, 2.1 * 9.81 * 1.6], rtol=1e-9)

@@ -46,13 +46,8 @@ def scene():
 @pytest.fixture
 def scene(tmp_path):
     """Writes a scene file and gives its path."""
-
-    def write(text, name="scene_file.py"):
-        path = tmp_path / name
-        path.write_text(text)
-        return str(path)
-
-    return write
+    path = tmp_path / "scene_file.py"
+    return lambda text: path.write_text(text) and str(path)
 
 
 def test_compare_prints_and_writes(scene, tmp_path, capsys):
@@ -179,14 +174,14 @@ def test_the_installed_command_runs_from_a_process(scene):
     assert (done.returncode, done.stderr) == (0, "")
 
 
+NO_SPREADS = "0", "-5%", "nan"
 EMPTY = "import symmb as mb\ndef scene():\n    "
 
 
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("x = 1\n", r"defines no function scene\(\)"),
-        ("scene = 3\n", r"defines no function scene\(\)"),
+        *((text, r"defines no function scene\(\)") for text in ("x = 1\n", "scene = 3\n")),
         ("def scene(:\n", r"SyntaxError: [^(]*\(scene_file\.py, line 1\)\.$"),
         ("import no_such_module_at_all\n", r"ModuleNotFoundError: .*no_such_module_at_all.* \(line 1\)\."),
         ("def scene():\n    x = 0\n    return 1 / x\n", r"ZeroDivisionError: division by zero \(line 3\)\."),
@@ -230,10 +225,12 @@ def test_a_line_is_told_of_a_scene_given_by_a_relative_path(scene, capsys, monke
         (["compare", "PENDULUM", "--methods", "pce:tol=2"], "tolerance must be a number above 0 and below 1"),
         (["compare", "PENDULUM", "--solver", "idaz"], "no solver 'idaz'. Did you mean 'idas'"),
         (["compare", "PENDULUM", "--solver", "rk:4:5"], "rk"),
+        (["compare", "PENDULUM", "--solver", "stiff"], "Write the name of a solver first"),
+        (["compare", "PENDULUM", "--solver", "dopri:projection:baumgarte"], "sets an option twice"),
+        (["compare", "PENDULUM", "--solver", "dopri:stiff"], "has no option 'stiff'"),
+        (["compare", "PENDULUM", "--solver", "idas:lagrangian"], "for solvers that eliminate the multipliers"),
         (["compare", "PENDULUM", "--spread", "many"], "--spread must be a positive number such as 5%"),
-        (["compare", "PENDULUM", "--spread", "0"], "--spread must be a positive number"),
-        (["compare", "PENDULUM", "--spread=-5%"], "--spread must be a positive number"),
-        (["compare", "PENDULUM", "--spread", "nan"], "--spread must be a positive number"),
+        *((["compare", "PENDULUM", f"--spread={a}"], "--spread must be a positive number") for a in NO_SPREADS),
         (["compare", "PENDULUM", "--spread", "5"], "--spread 5 is 500 %.*Did you mean 5%"),
         (["compare", "PENDULUM", "--spread", "150%"], "--spread 150% is 150 %.*by their ends in the Box"),
         (["compare", "CUBIC", "--spread", "5%"], "nominal value of 'y' is 0"),
@@ -244,19 +241,18 @@ def test_a_line_is_told_of_a_scene_given_by_a_relative_path(scene, capsys, monke
         (["compare", "CUBIC", "--methods", "vertex", "--plot", "picture.doc"], r"must end in \.png"),
         (["compare", "CUBIC", "--methods", "vertex", "--json", "no/such/folder/c.json"], "does not exist"),
         (["simulate", "PENDULUM", "--set", "k=1.0"], "[Nn]o parameter 'k'"),
-        (["simulate", "PENDULUM", "--set", "l"], "--set takes name=number, got 'l'"),
-        (["simulate", "PENDULUM", "--set", "l=long"], "--set takes name=number, got 'l=long'"),
+        *((["simulate", "PENDULUM", "--set", a], f"--set takes name=number, got '{a}'") for a in ("l", "l=long")),
         (["simulate", "PENDULUM", "--set", "l=nan"], "finite"),
         (["simulate", "PENDULUM", "--csv", "table.doc"], r"must end in \.csv"),
         (["codegen", "PENDULUM", "-o", "PENDULUM"], "is a file"),
         (["codegen", "PENDULUM"], "required: -o"),
         (["fly", "PENDULUM"], "invalid choice: 'fly'"),
+        (["cache", "SCENE"], "unrecognized arguments: SCENE"),
         ([], "required: COMMAND"),
     ],
 )
 def test_arguments_that_are_wrong(scene, capsys, arguments, words):
-    no_box = CUBIC.replace("box=box, ", "")
-    files = {"PENDULUM": PENDULUM, "CUBIC": CUBIC, "NO_BOX": no_box}
+    files = {"PENDULUM": PENDULUM, "CUBIC": CUBIC, "NO_BOX": CUBIC.replace("box=box, ", "")}
     error = refused_command(capsys, *[scene(files[word]) if word in files else word for word in arguments])
     assert re.search(words, error) and len(error.splitlines()) == 1
 
@@ -298,10 +294,6 @@ def test_cache_says_why_a_folder_is_not_used(tmp_path, monkeypatch, capsys):
     (tmp_path / "symmb").mkdir()
     (tmp_path / "symmb").chmod(0o777)
     assert re.search(r"^symmb cache: .*others can write to .*chmod go-w", refused_command(capsys, "cache", "--clear"))
-
-
-def test_cache_takes_no_scene(capsys):
-    assert "unrecognized arguments: SCENE" in refused_command(capsys, "cache", "SCENE")
 
 
 def test_a_scene_with_impacts(capsys, tmp_path):
@@ -398,16 +390,3 @@ def test_help_prints_the_table(capsys):
 )  # fmt: skip
 def test_specs_of_methods_and_solvers(text, made):
     assert (specs.method if isinstance(made, Method) else specs.solver)(text) == made
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("stiff", "Write the name of a solver first"),
-        ("dopri:projection:baumgarte", "sets an option twice"),
-        ("dopri:stiff", "has no option 'stiff'"),
-        ("idas:lagrangian", "for solvers that eliminate the multipliers"),
-    ],
-)
-def test_wrong_words_of_solvers(text, message):
-    refused(message, specs.solver, text)

@@ -12,7 +12,7 @@ import casadi as ca
 import fmus
 import numpy as np
 import pytest
-from faults import refused
+from faults import refused, warned
 from numpy.testing import assert_allclose
 
 import symmb as mb
@@ -162,13 +162,11 @@ def test_an_instance_is_used_again(folder):
 def test_pools_change_nothing(kind, springs):
     own = simulator(springs[3], outputs=["x", "passes"])
     box = mb.Box(**{"stiffness": (36.0, 75.0), "force[1]": (0.0, 5.0)})
-    with pytest.warns(mb.SymmbWarning):
-        alone = mb.propagate(own, mb.MonteCarlo(40), box)
+    alone = warned("", mb.propagate, own, mb.MonteCarlo(40), box)
     assert 5 < len(alone.failed) < 35
     context = None if kind == "threads" else multiprocessing.get_context(kind)
     with ThreadPoolExecutor(2) if context is None else ProcessPoolExecutor(2, mp_context=context) as pool:
-        with pytest.warns(mb.SymmbWarning):
-            pooled = mb.propagate(own, mb.MonteCarlo(40), box, executor=pool)
+        pooled = warned("", mb.propagate, own, mb.MonteCarlo(40), box, executor=pool)
     assert (pooled.lower == alone.lower).all() and (pooled.upper == alone.upper).all()
     assert [f.parameters for f in pooled.failed] == [f.parameters for f in alone.failed]
 

@@ -194,10 +194,6 @@ mb.FunctionSimulator(hang, {"a": 1.0}, [0.0], ["x"], timeout=900).run(np.ones((1
     assert in_time(lambda: not runs(number), 5)
 
 
-def _ends_its_process(a):
-    return a * TIMES if a < 1.5 else os._exit(7)
-
-
 def _ends_beside_a_fork(a):
     """A function that ends while a process that it has forked keeps all files open."""
     if os.fork() == 0:
@@ -216,9 +212,10 @@ def test_the_end_of_a_process_shows_whoever_keeps_its_pipe_open(timeout):
 def test_processes_that_end_in_threads_harm_no_others():
     """Threads fork and end processes at the same time, also those that the threads of former pools have left."""
     P = np.tile([1.0, 2.0, 1.0, 1.0], 20)[:, None]
+    ending = _simulator(lambda a: a * TIMES if a < 1.5 else os._exit(7), timeout=60)
     for _ in range(5):
         with ThreadPoolExecutor(8) as pool:
-            ensemble = run_blocks(_simulator(_ends_its_process, timeout=60), P, pool)
+            ensemble = run_blocks(ending, P, pool)
         assert (ensemble.ok == (P[:, 0] == 1.0)).all()
         assert set(ensemble.messages) == {"the function ended its process with exit status 7 (a=2)"}
 

@@ -6,24 +6,20 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
-from browser import NEEDED, Browser
+from browser import NEEDED, Browser, browser_of_a_module
 from conftest import but_long
 from faults import refused
+from machines import ball
 
 import symmb as mb
 from symmb._types import Array
 from symmb.show.cli.scene_file import load_scene, shipped_names
 
 pytestmark = [NEEDED, pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")]
+browser = browser_of_a_module
 EXACT = 1e-6
 TIMES = (0.0, 0.4, 0.9)
 """Shares of the run at which pages are read."""
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with Browser() as browser:
-        yield browser
 
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -254,14 +250,13 @@ def test_curves_have_a_time_axis(browser, pendulum):
 def test_places_of_sliders_are_runs(browser, tmp_path, has_figure):
     """Of a thrown particle x = v t, y = -g t^2 / 2. A slider stands at the value next to the nominal one at first."""
     rng = np.random.default_rng(int(has_figure))
-    p = mb.Parameters(speed=(1.0, "m/s"), drop=2.0)
-    ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
-    system = mb.System(ball, mb.Gravity(0, -p.drop), parameters=p)
-    outputs = {"x <b>": ball.x, "y": ball.y} | ({"peak": mb.maximum(ball.vx)} if has_figure else {})
-    scene = mb.Scene(system, {"ball.vx": p.speed}, np.linspace(0, 2, 11), outputs)
+    thrown = ball(g=2.0, speed=(1.0, "m/s"))
+    body, start = thrown.ball, {"ball.vx": thrown.p.speed}
+    outputs = {"x <b>": body.x, "y": body.y} | ({"peak": mb.maximum(body.vx)} if has_figure else {})
+    scene = thrown.scene(outputs, np.linspace(0, 2, 11), start)
     speeds, drops = np.sort(rng.uniform(0.5, 1.5, 4)), np.sort(rng.uniform(1, 3, 3))
     path = tmp_path / "thrown.html"
-    mb.view(mb.sweep(scene, {"speed": speeds, "drop": drops}), path, time=2.0)
+    mb.view(mb.sweep(scene, {"speed": speeds, "g": drops}), path, time=2.0)
     browser.open(path)
     browser.run("symmb.play(false)")
     text = "[...document.querySelectorAll('#sliders label')].map(label => label.textContent)"
@@ -272,7 +267,7 @@ def test_places_of_sliders_are_runs(browser, tmp_path, has_figure):
             at[which] = place
             browser.run(move % (place, which))
         speed, drop = speeds[at[0]], drops[at[1]]
-        assert browser.run(text) == [f"speed [m/s]{float(f'{speed:.4g}'):g}", f"drop{float(f'{drop:.4g}'):g}"]
+        assert browser.run(text) == [f"speed [m/s]{float(f'{speed:.4g}'):g}", f"g{float(f'{drop:.4g}'):g}"]
         for k in (0, 4, 10):
             browser.run(f"symmb.seek({k})")
             t = 0.2 * k

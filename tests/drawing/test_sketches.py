@@ -2,6 +2,7 @@
 
 import pickle
 import sys
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -9,7 +10,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from faults import refused
-from machines import ORIGIN, run_of
+from machines import bob, cart, pendulum, run_of
 from numpy.testing import assert_allclose
 
 import symmb as mb
@@ -37,17 +38,15 @@ def forms(drawing, name, k):
 
 
 def test_a_sling_is_there_until_it_opens():
-    bob = mb.Body("bob", mass=1.0, pose=mb.Particle())
-    sling = mb.Distance("sling", ORIGIN, bob.point(0, 0), 1.0)
-    start = {"bob.x": 1.0, "bob.y": 0.0, "bob.vy": 1.0}
-    drawing = draw(run_of(bob, sling, mb.Release(sling, bob.x < 0), start=start, times=np.linspace(0, 3, 31)))
+    released = bob(lambda m: mb.Release(m.rod, m.bob.x < 0), g=None)
+    drawing = draw(released.run(times=np.linspace(0, 3, 31), start={"bob.x": 1.0, "bob.y": 0.0, "bob.vy": 1.0}))
     for k, t in enumerate(drawing.t):
         closed = t < np.pi / 2
-        assert forms(drawing, "sling", k) == (["ball", "ball", "bar"] if closed else [])
-        assert forms(drawing, "sling_release", k) == ([] if closed else ["ball", "ring"])
+        assert forms(drawing, "rod", k) == (["ball", "ball", "bar"] if closed else [])
+        assert forms(drawing, "rod_release", k) == ([] if closed else ["ball", "ring"])
     seen = {o.shape.name for o in Painter(drawing, 30, drawing.camera).outlines()}
-    assert "sling" not in seen and "sling_release" in seen
-    assert "Release 'sling'" not in drawing.notes
+    assert "rod" not in seen and "rod_release" in seen
+    assert "Release 'rod'" not in drawing.notes
     numbers = {k: len(Painter(drawing, k, drawing.camera).outlines()) for k in (0, 30)}
     assert numbers[0] != numbers[30]
 
@@ -70,32 +69,35 @@ def test_a_latch_closes_where_the_bodies_are():
 
 def test_the_guide_of_a_slider_ends_where_it_opens():
     """The shot leaves its barrel at 0.9 m with 2 m/s; pictures are 0.2 m apart."""
-    shot = mb.Body("shot", mass=1.0, inertia=0.1)
-    barrel = mb.Prismatic("barrel", ORIGIN, shot.point(0, 0), axis=(1, 0, 0))
-    start, release = {"shot.x": 0.0, "shot.vx": 2.0}, mb.Release(barrel, shot.x > 0.9)
-    drawing = draw(run_of(shot, barrel, release, start=start, times=np.linspace(0, 20, 201)))
-    ends = sorted(float(drawing.position(place, 0)[0]) for place in _rail(drawing, "barrel").places)
+    shot = cart(lambda m: mb.Release(m.rail, m.cart.x > 0.9))
+    drawing = draw(shot.run(times=np.linspace(0, 20, 201), start={"cart.x": 0.0, "cart.vx": 2.0}))
+    ends = sorted(float(drawing.position(place, 0)[0]) for place in _rail(drawing).places)
     assert ends == pytest.approx([-5 * drawing.unit, 0.8 + 5 * drawing.unit], abs=1e-6)
-    assert forms(drawing, "barrel", 200) == ["bar"] and "block" in forms(drawing, "barrel", 0)
+    assert forms(drawing, "rail", 200) == ["bar"] and "block" in forms(drawing, "rail", 0)
 
 
 def test_the_guide_of_a_latched_slider_lies_where_it_closed():
     """A drawer that is tilted by 0.3 rad is caught as it is."""
-    drawer = mb.Body("drawer", 1.0, 0.1)
-    rail = mb.Prismatic("rail", ORIGIN, drawer.point(0, 0), axis=(1, 0, 0))
-    start = {"drawer.y": 0.2, "drawer.vx": 1.0, "drawer.vy": -0.3, "drawer.theta": 0.3}
-    run = run_of(drawer, rail, mb.Latch(rail, drawer.x > 0.3), start=start, times=[0.0, 0.1, 0.6, 1.0])
+    drawer = cart(lambda m: mb.Latch(m.rail, m.cart.x > 0.3))
+    start = {"cart.y": 0.2, "cart.vx": 1.0, "cart.vy": -0.3, "cart.theta": 0.3}
+    run = drawer.run(times=[0.0, 0.1, 0.6, 1.0], start=start)
     drawing = draw(run)
-    a, b = (np.stack([drawing.position(place, k) for k in range(4)]) for place in _rail(drawing, "rail").places)
+    a, b = (np.stack([drawing.position(place, k) for k in range(4)]) for place in _rail(drawing).places)
     along = (b - a) / np.linalg.norm(b - a, axis=1)[:, None]
     tilted = [np.cos(0.3), np.sin(0.3), 0]
     assert_allclose(along, [[1, 0, 0], [1, 0, 0], tilted, tilted], atol=1e-12)
-    r = np.stack([run["drawer.x"], run["drawer.y"], 0 * run.t], axis=1)
+    r = np.stack([run["cart.x"], run["cart.y"], 0 * run.t], axis=1)
     assert_allclose(np.cross(r - a, along)[2:], 0, atol=1e-9)  # the drawer is on its guide
 
 
-def _rail(drawing, name):
-    return next(s for s in drawing.shapes if s.name == name and s.form == "bar")
+def _rail(drawing):
+    return next(s for s in drawing.shapes if s.name == "rail" and s.form == "bar")
+
+
+def outline_of(drawing, name):
+    """The only outline of an element in the first picture."""
+    (outline,) = (o for o in Painter(drawing, 0, drawing.camera).outlines() if o.shape.name == name)
+    return outline
 
 
 def test_a_rope_touches_its_pulleys_and_is_dashed_while_it_is_slack():
@@ -140,11 +142,11 @@ def test_the_tip_of_a_follower_stays_on_its_cam(follower):
 
 
 def test_a_weld_in_the_plane_is_seen():
-    rod, tip = mb.Body("rod", 1.0, 0.1), mb.Body("tip", 1.0, 0.1)
-    weld = mb.Weld("weld", rod.point(0.5, 0), tip.point(0, 0))
-    drawing = draw(run_of(rod, tip, mb.Revolute("hinge", ORIGIN, rod.point(0, 0)), weld, start={"hinge.angle": 0.0}))
-    (outline,) = (o for o in Painter(drawing, 0, drawing.camera).outlines() if o.shape.name == "weld")
-    assert drawing.planar and np.ptp(outline.points, axis=0) == pytest.approx([2.2 * drawing.unit] * 2)
+    tip = mb.Body("tip", 1.0, 0.1)
+    welded = pendulum(tip, lambda m: mb.Weld("weld", m.rod.point(0.5, 0), tip.point(0, 0)), length=0.0, g=None)
+    drawing = draw(welded.run(times=[0.0], start={"hinge.angle": 0.0}))
+    size = np.ptp(outline_of(drawing, "weld").points, axis=0)
+    assert drawing.planar and size == pytest.approx([2.2 * drawing.unit] * 2)
 
 
 def with_shapes(shapes, **options):
@@ -175,23 +177,18 @@ def test_shapes_are_drawn_at_their_place_in_parameters_and_change_nothing_else()
 @pytest.mark.parametrize(
     ("shape", "told"),
     [
-        (lambda: mb.Box3((1, 2)), "must have three sides"),
-        (lambda: mb.Box3((1, 2, -3)), "must be positive"),
+        (lambda: mb.Box3((1, 2)), "must have three sides"), (lambda: mb.Box3((1, 2, -3)), "must be positive"),
         (lambda: mb.Box3((1, 2, 3), at=(np.nan, 0, 0)), "NaN or infinity"),
-        (lambda: mb.Box3((1, 2, 3), rotation=0.3), "mb.rotation"),
+        (lambda: mb.Box3((1, 2, 3), rotation=0.3), "mb.rotation"), (lambda: mb.Cylinder(1.0, np.inf), "finite"),
         (lambda: mb.Cylinder(0.0, 1.0), "radius is 0.0; it must be positive"),
-        (lambda: mb.Cylinder(1.0, np.inf), "finite"),
         (lambda: mb.Cylinder(1.0, 1.0, axis=(0, 0, 0)), "no direction"),
-        (lambda: mb.Cylinder(1.0, "long"), "expected one number"),
-        (lambda: mb.Sphere(None), "expected one number"),
-        (lambda: mb.Sphere([1.0, 2.0]), "expected one number"),
-        (lambda: mb.Sphere(np.ma.masked_all(())), "expected one number"),
+        *((partial(mb.Sphere, radius), "expected one number") for radius in (None, [1.0, 2.0], np.ma.masked_all(()))),
+        (lambda: mb.Cylinder(1.0, "long"), "expected one number"), (lambda: mb.Mesh(3), "expected the path"),
         (lambda: mb.Box3(np.ma.masked_all(())), "must have three sides"),
-        (lambda: mb.Mesh(3), "expected the path"),
         (lambda: mb.Body("rod", 1.0, 0.1, shapes=mb.Sphere(1.0)), "must be a list of Box3"),
         (lambda: mb.Ground([3]), "must be a list of Box3"),
     ],
-)
+)  # fmt: skip
 def test_faults_of_shapes(shape, told):
     refused(told, shape)
 
@@ -212,7 +209,7 @@ def test_faces_of_a_box_that_are_seen_are_painted(tmp_path):
     size = np.array([0.4, 0.3, 0.2])
     block = mb.Body("block", 1.0, (1, 1, 1), mb.Spatial(), shapes=[mb.Box3(size)])
     drawing = draw(run_of(block, mb.Gravity(0, 0, -9.81)))
-    (outline,) = (o for o in Painter(drawing, 0, drawing.camera).outlines() if o.shape.name == "block")
+    outline = outline_of(drawing, "block")
     a, b, c = np.moveaxis(outline.points.reshape(-1, 3, 2), 1, 0)
     areas = np.abs(np.linalg.det(np.stack([b - a, c - a], axis=1))) / 2
     faces = size.prod() / size * np.abs(drawing.camera[2])

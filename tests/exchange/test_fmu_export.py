@@ -162,12 +162,11 @@ def test_an_fmu_is_bounded_as_its_scene(tmp_path):
 
 def test_inputs_hold_between_communication_points(tmp_path):
     """A cart behind a motor with lag: its speed and its force after two steps of inputs, in closed form."""
-    p = mb.Parameters(mass=2.0, lag=0.3)
-    cart, push, wind = mb.Body("cart", mass=p.mass, pose=mb.Particle()), mb.Input("push"), mb.Input("wind")
-    motor = mb.State("motor", rate=lambda z: (push.value - z) / p.lag)
-    force = mb.Force("force", cart.point(0, 0), (motor.value + wind.value, 0))
-    system = mb.System(cart, push, wind, motor, force, parameters=p)
-    scene = mb.Scene(system, times=np.linspace(0, 2, 21), outputs={"v": cart.vx, "wind outside": wind.value})
+    push, wind = mb.Input("push"), mb.Input("wind")
+    motor = lambda m: mb.State("motor", rate=lambda z: (push.value - z) / m.p.lag)  # noqa: E731
+    force = lambda m: mb.Force("force", m.at, (m.motor.value + wind.value, 0))  # noqa: E731
+    cart = ball(push, wind, motor, force, g=None, mass=2.0, lag=0.3)
+    scene = cart.scene({"v": cart.ball.vx, "wind outside": wind.value}, np.linspace(0, 2, 21))
     assert not mb.simulate(scene).values.any()
     mb.save_fmu(scene, tmp_path / "cart.fmu")
     assert validate_fmu(str(tmp_path / "cart.fmu")) == []
@@ -189,11 +188,10 @@ def test_calls_in_any_order_are_answered(make, version, tmp_path):
 
 
 def test_an_input_is_one_of_a_linearisation():
-    cart, u = mb.Body("cart", mass=2.0, pose=mb.Particle()), mb.Input("u")
-    system = mb.System(cart, u, mb.Force("motor", cart.point(0, 0), (8 * u.value - cart.vx, 0)))
-    lin = mb.linearize(mb.Scene(system, outputs={"vx": cart.vx}), inputs=["u"])
-    np.testing.assert_allclose(lin.B.ravel(), [0, 4])
-    refused("no actuator, input or parameter 'w'", mb.linearize, mb.Scene(system), inputs=["w"])
+    u = mb.Input("u")
+    scene = ball(u, lambda m: mb.Force("motor", m.at, (8 * u.value - m.ball.vx, 0)), g=None, mass=2.0).scene("vx")
+    np.testing.assert_allclose(mb.linearize(scene, inputs=["u"]).B.ravel(), [0, 4])
+    refused("no actuator, input or parameter 'w'", mb.linearize, scene, inputs=["w"])
 
 
 @pytest.mark.parametrize(
@@ -204,12 +202,10 @@ def test_an_input_is_one_of_a_linearisation():
         (lambda u: mb.System(mb.Input("a.b")), "Input 'a.b': a name must not contain"),
         (lambda u: mb.Input(3), "Input: the name must be a text, got 3"),
         (lambda u: mb.System(mb.State("z", rate=u.value)), "Input 'u' is not part of the System. Add it"),
-        (
-            lambda u: mb.System(u, BODY, mb.Revolute("pin", mb.Ground().point(u.value, 0), BODY.point(0, 0))),
-            "Input 'u': a point, mass or shape depends on this input",
-        ),
+        (lambda u: mb.System(u, BODY, mb.Revolute("pin", mb.Ground().point(u.value, 0), BODY.point(0, 0))),
+         "Input 'u': a point, mass or shape depends on this input"),
     ],
-)
+)  # fmt: skip
 def test_faults_of_inputs(make, text):
     refused(text, make, mb.Input("u"))
 
@@ -225,10 +221,8 @@ def test_faults_of_inputs(make, text):
         (lambda own: mb.prepare(own, mb.RungeKutta()), {}, "RungeKutta.* cannot be exported"),
         (lambda own: mb.prepare(own, mb.Rosenbrock()), {}, "cannot end its steps at the kinks"),
         (lambda own: own.with_outputs({"peak": mb.maximum(own.system.bodies[0].y)}), {}, "'peak' is a scalar output"),
-        (
-            lambda own: own.with_outputs({"drive": own.system.bodies[0].y}), {},
-            "'drive' is the name of two FMU variables",
-        ),
+        (lambda own: own.with_outputs({"drive": own.system.bodies[0].y}), {},
+         "'drive' is the name of two FMU variables"),
     ],
 )  # fmt: skip
 def test_faults_are_told_in_one_sentence(made, options, text, tmp_path):

@@ -1,7 +1,9 @@
 """Linearisations against closed forms, SciPy and runs, what they print, and their files."""
 
 import json
+import warnings
 from dataclasses import replace
+from functools import cache
 
 import casadi as ca
 import numpy as np
@@ -11,6 +13,7 @@ from machines import GROUND, ball, bouncing_ball, cart, free_body, linkage, pend
 from scipy.linalg import eigh, expm
 from scipy.signal import lsim
 from small_scenes import pushing_oscillator
+from steady_scenes import SteadyMotion, random_motions
 
 import symmb as mb
 from models import bicycle, double_pendulum, laval_rotor
@@ -284,3 +287,125 @@ def test_a_damaged_file(tmp_path):
     path.write_text(json.dumps(entries | {"A": entries["A"][1:]}))
     refused(r"does not hold a result of Linearization.save: A must be an array", mb.Linearization.load, path)
     refused("json", mb.linearize(pushing_oscillator()).save, tmp_path / "lin.csv")
+
+
+# States where the equations have no derivative are refused, and coefficients that change with time are doubted.
+
+BODY = mb.Body("b", 1.0, pose=mb.Particle())
+
+
+def forced(force, parameters=None, **options) -> mb.Scene:
+    system = mb.System(BODY, mb.Force("f", BODY.point(0, 0, 0), (force, 0, 0)), parameters=parameters)
+    return mb.Scene(system, times=np.linspace(0, 5, 11), outputs={"x": BODY.x}, **options)
+
+
+X, V = BODY.x, BODY.vx
+JUMPS = {
+    "sign": -10 * X - 5 * ca.sign(V),
+    "comparison": -3 * X - ca.if_else(V > 0, 0.2, -0.2),
+    "relay": -ca.sign(X) - 0.1 * V,
+    "a small jump": -400 * X - 1e-3 * ca.sign(V),
+    "floor": -X - 0.5 * ca.floor(X + 1),
+}
+
+
+@pytest.mark.parametrize("law", JUMPS)
+def test_forces_that_jump_at_the_state_are_refused(law):
+    refused("forces jump there", mb.linearize, forced(JUMPS[law]))
+
+
+INFINITE = {
+    "root of a distance": -10 * X - 2 * ca.sqrt(ca.fabs(X)) * ca.sign(X),
+    "valve": -4 * X - 2 * ca.sqrt(ca.fabs(V)) * ca.sign(V),
+    "norm": -10 * X - 2 * V / ca.sqrt(V**2 + BODY.vy**2 + BODY.vz**2),
+    "power": -X - 2 * V * (V**2) ** 0.25,
+}
+
+
+@pytest.mark.parametrize("law", INFINITE)
+def test_infinite_slopes_are_refused(law):
+    refused(r"infinite or undefined at this state|slopes on both sides|jump", mb.linearize, forced(INFINITE[law]))
+    p = mb.Parameters(k=10.0)
+    refused(None, mb.ModalSimulator, forced(INFINITE[law] - p.k * X, p, box=mb.Box(k=(9, 11))))
+
+
+def test_an_output_without_a_slope_is_named_where_it_is_asked_for():
+    some = forced(-10 * X).with_outputs({"x": X, "distance": ca.sqrt(X**2 + BODY.y**2)})
+    refused("output 'distance' has no finite derivative", mb.linearize, some)
+    assert mb.linearize(some, outputs=["x"]).C.shape[0] == 1
+
+
+@pytest.mark.parametrize("law", [-10 * X - 1e3 * ca.fmax(X - 0.05, 0) ** 1.5, -10 * X - 2 * V * ca.fabs(V)])
+def test_smooth_laws_with_switches_are_linearised(law):
+    lin = mb.linearize(forced(law))
+    assert not lin.doubts
+    assert np.abs(lin.eigenvalues).max() == pytest.approx(10**0.5)
+
+
+@pytest.mark.parametrize("rate", [0.7, 6.0, 40.0])
+@pytest.mark.parametrize("share", [0.02, 0.5])
+def test_a_stiffness_that_is_a_law_of_time_is_doubted(rate, share):
+    """Mathieu's equation, whose stability the eigenvalues at one time do not tell."""
+    warned("A changes along the motion", mb.linearize, forced(-10 * (1 + share * ca.cos(rate * mb.t)) * X))
+
+
+def test_a_force_that_is_a_law_of_time_is_not_doubted():
+    assert not mb.linearize(forced(-10 * X - V + ca.sin(3 * mb.t))).doubts
+
+
+# Linearisations of steady motions in closed form, of states that are none, and of coordinates that nothing touches.
+
+
+@cache
+def motions() -> list[SteadyMotion]:
+    return [motion for seed in (1, 2) for motion in random_motions(seed)]
+
+
+@pytest.mark.parametrize("number", range(2 * 8))
+def test_eigenvalues_in_closed_form(number: int) -> None:
+    motion = motions()[number]
+    with warnings.catch_warnings(action="ignore"):
+        lin = mb.linearize(motion.scene)
+    assert bool(lin.doubts) is not motion.steady
+    for value in motion.eigenvalues if motion.steady else ():
+        assert np.abs(lin.eigenvalues - value).min() < 1e-6 * abs(value)
+
+
+def test_growth_is_what_the_closed_form_says() -> None:
+    for motion in motions():
+        if motion.name == "rolling disc":
+            grows = motion.eigenvalues.real.max() > 0
+            assert (mb.linearize(motion.scene).stability == "unstable") == grows
+
+
+def test_critical_speed_of_a_rolling_disc() -> None:
+    p = mb.Parameters(w=0.0)
+    motion = next(random_motions(3))
+    start = {**motion.scene.start, "disc.omega": (0.0, 0.0, p.w)}
+    system = motion.scene.system.with_elements((), p)
+    scene = mb.Scene(system, start, [0.0, 1.0], guess=motion.scene.guess)
+    A = system.M[3, 3]
+    disc = float(A)
+    mass, R = float(system.M[0, 0]), float(motion.scene.guess["disc.z"])
+    expected = np.sqrt(disc * mass * 9.81 * R / (2 * disc * (2 * disc + mass * R * R)))
+    found = mb.critical(scene, "w", (0.2 * expected, 3 * expected)).run(np.zeros((1, 0))).Y.ravel()
+    assert found == pytest.approx([expected], rel=1e-6)
+
+
+@pytest.mark.parametrize("gravity", [False, True])
+@pytest.mark.parametrize("time", [0.0, 0.7])
+def test_a_particle_that_nothing_touches_is_a_state_of_the_outputs(gravity: bool, time: float) -> None:
+    a, b = (mb.Body(name, 1.0, pose=mb.Particle()) for name in "ab")
+    elements = [a, b, mb.Spring("s", GROUND.point(0, 0), a.point(0, 0), 4.0)]
+    elements += [mb.Gravity(0, -9.81)] if gravity else []
+    outputs = {"x": b.x, "both": b.x * b.z + 3 * b.vx + a.x}
+    start = {"b.vx": 1.5, "a.x": 0.1, "b.x": 0.2, "b.z": 0.4, "b.vz": 0.3}
+    run = mb.simulate(mb.Scene(mb.System(*elements), start, [0.0, 0.7], outputs))
+    with warnings.catch_warnings(action="ignore"):
+        lin = mb.linearize(run, time)
+    x, z = 0.2 + 1.5 * time, 0.4 + 0.3 * time
+    expected = {"b.x": (1.0, z), "b.z": (0.0, x), "b.vx": (0.0, 3.0), "b.vz": (0.0, 0.0), "a.x": (0.0, 1.0)}
+    for name, column in expected.items():
+        assert lin.C[:, lin.states.index(name)] == pytest.approx(column)
+    i, j = lin.states.index("b.x"), lin.states.index("b.vx")
+    assert np.flatnonzero(lin.A[i]).tolist() == [j] and not lin.A[j].any()

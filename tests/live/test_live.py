@@ -1,16 +1,15 @@
 """The worker of live pages: its runs, bounds and drawings are those of Python, and the last change wins."""
 
-import importlib.util
 import json
 from dataclasses import replace
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from browser import NEEDED, Browser
+from browser import COMPILED, NEEDED, Browser, browser_of_a_module
 from faults import refused
+from problems import model as shipped
 
 import symmb as mb
 from symmb.run.codegen import NoCompilerError
@@ -18,9 +17,9 @@ from symmb.show.cli.main import main
 from symmb.show.drawing import surveyed
 from symmb.show.live.wasm import levels
 
-COMPILED = pytest.mark.skipif(importlib.util.find_spec("ziglang") is None, reason="needs ziglang")
 seen = lambda test: NEEDED(COMPILED(test))  # noqa: E731
 pytestmark = pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+browser = browser_of_a_module
 WIDTH = 1e-9
 """Largest difference of bounds, as a fraction of their width."""
 SINGLE = 1e-6
@@ -41,12 +40,6 @@ window.studies = (studies, until) => new Promise((go, stop) => {
   for (const study of studies) worker.postMessage({ kind: "study", ...study });
 });
 """
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with Browser() as browser:
-        yield browser
 
 
 class Live:
@@ -76,10 +69,6 @@ class Live:
                 if message[key] is not None:
                     message[key] = np.array(message[key], dtype=float).reshape(-1, sizes[key])
         return messages
-
-
-def shipped(name: str) -> mb.Scene:
-    return import_module(f"models.{name}").scene()
 
 
 @seen

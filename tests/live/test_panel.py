@@ -1,7 +1,6 @@
 """Live pages: their panel with a worker of known answers, all parts after many moves, and keys and fingers alone."""
 
 import importlib
-import importlib.util
 import json
 import runpy
 import time
@@ -9,14 +8,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from browser import NEEDED, Browser
+from browser import COMPILED, NEEDED, Browser, browser_of_a_module
 from faults import refused
+from problems import model
 
 import symmb as mb
 from symmb.show.drawing import Page
 
-COMPILED = pytest.mark.skipif(importlib.util.find_spec("ziglang") is None, reason="needs ziglang")
 pytestmark = [NEEDED, pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")]
+browser = browser_of_a_module
 RIGHT_TO_LEFT = "\u05d0\u05d5\u05e8\u05da"
 HOSTILE = "\"'</script><img src=x onerror=document.title='HIT'>&lt;" + 10_000 * "W"
 FAKE = """
@@ -51,12 +51,6 @@ FIELD = "document.querySelector('#parameters input[type=number]')"
 SLIDER = "document.querySelector('#parameters input[type=range]')"
 HOLD = "document.querySelector('#parameters input[type=checkbox]')"
 """Controls of the first parameter, g."""
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with Browser() as browser:
-        yield browser
 
 
 def falling(*names: str) -> mb.Scene:
@@ -297,7 +291,7 @@ def test_keys_of_the_panel_do_not_move_the_time(page):
 @COMPILED
 def test_memory_does_not_grow_with_moves(browser, tmp_path):
     path = tmp_path / "page.html"
-    mb.live(importlib.import_module("models.slider_crank").scene(), path, {"theta": (None, 1.2)})
+    mb.live(model("slider_crank"), path, {"theta": (None, 1.2)})
     browser.open(path)
     browser.run("live.ready.then(() => symmb.play(false))")
     moves = (
@@ -327,12 +321,11 @@ THUMB = """(async s => { s.scrollIntoView({ block: 'center' });
 
 
 def slider_crank(path: Path) -> None:
-    scene = importlib.import_module("models.slider_crank").scene()
-    mb.live(scene, path, {"x_slider": (None, 3.05), "theta": (-9.0, None)})
+    mb.live(model("slider_crank"), path, {"x_slider": (None, 3.05), "theta": (-9.0, None)})
 
 
 def half_car(path: Path) -> None:
-    mb.live(importlib.import_module("models.half_car").scene(), path)
+    mb.live(model("half_car"), path)
 
 
 def door_latch(path: Path) -> None:

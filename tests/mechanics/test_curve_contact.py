@@ -1,17 +1,20 @@
 """Contacts of curves, points held on curves, and cam followers, against closed forms and SciPy."""
 
+from functools import partial
+
 import casadi as ca
 import contact_shapes
 import numpy as np
 import pytest
 from conftest import but_long
 from faults import refused, warned
+from machines import GROUND, PLANAR
 from mechanisms import exact
 from numpy.testing import assert_allclose
 
 import symmb as mb
 
-GROUND, FINE = mb.Ground(), mb.DormandPrince(rtol=1e-11)
+FINE = mb.DormandPrince(rtol=1e-11)
 SQUARE = mb.Curve([(1, 0), (0, 1), (-1, 0), (0, -1)], closed=True, corners=range(4))
 CIRCLE = mb.Curve(lambda s: (ca.cos(s), ca.sin(s)), 0, 2 * np.pi, closed=True)
 RAIL = mb.Curve(lambda s: (s, 0 * s), -1, 1)
@@ -27,10 +30,11 @@ OVALS = oval(1.0, 0.5), oval(0.3, 0.2)
 CORNERED = mb.Curve([(0.5, 0), (0, 0.5), (-0.5, 0), (0, -0.5)], closed=True, corners=range(4)), OVALS[1]
 
 
-def body_on(curve, law=None, radius=0.1, curve_b=None, gravity=10.0, **more):
+def body_on(curve, law=None, radius=0.1, curve_b=None, gravity=10.0, pose=PLANAR, **more):
     """A ball, or a body of 1 kg and 0.1 kg m^2 with an outline, against a curve of the ground."""
     law, outline = law or mb.KelvinVoigt(1e4), {} if curve_b is None else {"curve_b": curve_b}
-    body = mb.Body("body", 1.0, 0.1, mb.Planar()) if outline else mb.Body("body", 1.0, pose=mb.Particle())
+    inertia = 0.1 if pose is PLANAR else np.eye(3)
+    body = mb.Body("body", 1.0, inertia, pose) if outline else mb.Body("body", 1.0, pose=mb.Particle())
     radius = 0.0 if outline else radius
     contact = mb.CurveContact("on", GROUND.point(0, 0), curve, body.point(0, 0), radius, law, **outline, **more)
     return mb.System(body, contact, mb.Gravity(0, -gravity))
@@ -189,26 +193,29 @@ CONTACTS = [
     ({"curve": RAIL, "curve_b": RAIL}, "a straight part of one curve may touch the other curve at several points"),
     ({"curve": SQUARE, "curve_b": SQUARE}, "only one of two curves may have corners"),
     ({"curve": oval(0.5, 0.4), "curve_b": "oval"}, "expected a curve, got 'oval'"),
+    (
+        {"curve": SQUARE, "curve_b": oval(1, 2), "pose": mb.Spatial()},
+        r"two curves cannot be used with spatial bodies.*Use pose=Planar\(\)",
+    ),
 ]
 
 
-@pytest.mark.parametrize(("options", "fault"), CONTACTS)
-def test_faults_of_contacts(options, fault):
-    refused(f"CurveContact 'on': .*{fault}", body_on, **options)
+CURVES = [
+    (lambda: mb.Curve([(0, 0), (0, 0), (1, 1)]), "two successive points are equal"),
+    (lambda: mb.Curve([(0, 0, 1)]), "must be a function of s, or points"),
+    (lambda: mb.Curve(lambda s: (s, s), 1, 0), "must be finite, and start must be below end"),
+    (lambda: mb.Curve(lambda s: (s, s), 0, 1, corners=[2]), "must be from 0 to 1"),
+    (lambda: mb.Curve(lambda s: 1 / "s", 0, 1), "the law raises"),
+]
 
 
-@pytest.mark.parametrize(
-    ("make", "fault"),
-    [
-        (lambda: mb.Curve([(0, 0), (0, 0), (1, 1)]), "two successive points are equal"),
-        (lambda: mb.Curve([(0, 0, 1)]), "must be a function of s, or points"),
-        (lambda: mb.Curve(lambda s: (s, s), 1, 0), "must be finite, and start must be below end"),
-        (lambda: mb.Curve(lambda s: (s, s), 0, 1, corners=[2]), "must be from 0 to 1"),
-        (lambda: mb.Curve(lambda s: 1 / "s", 0, 1), "the law raises"),
-    ],
-)
-def test_faults_of_curves(make, fault):
-    refused(f"Curve: .*{fault}", make)
+CALLS = [(make, f"Curve: .*{why}") for make, why in CURVES]
+CALLS += [(partial(body_on, **options), f"CurveContact 'on': .*{why}") for options, why in CONTACTS]
+
+
+@pytest.mark.parametrize(("call", "fault"), CALLS)
+def test_faults_of_contacts_and_curves(call, fault):
+    refused(fault, call)
 
 
 @pytest.mark.parametrize("x", [2.0, -3.0])
@@ -218,9 +225,3 @@ def test_an_open_curve_goes_on_straight_beyond_its_ends(x):
     along = abs(x) - 0.4 * np.array([0.0, 0.5])
     assert_allclose(np.abs(run["bead.x"]), along, atol=1e-9)
     assert_allclose(run["bead.y"], 2 * along - 1, atol=1e-9)
-
-
-def test_two_curves_stay_in_a_plane():
-    body = mb.Body("body", 1.0, np.eye(3), mb.Spatial())
-    on = mb.CurveContact("on", GROUND.point(0, 0), SQUARE, body.point(0, 0), 0, mb.KelvinVoigt(1.0), curve_b=oval(1, 2))
-    refused(r"two curves cannot be used with spatial bodies.*Use pose=Planar\(\)", mb.System, body, on)

@@ -8,7 +8,7 @@ import pytest
 import sympy as sp
 from faults import refused
 from joints import bundle, derivative, make_body, numbers, random_state
-from machines import run_of
+from machines import GROUND, run_of
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
@@ -66,7 +66,7 @@ CONSERVATIVE = {
     "box on a plane": lambda a, b: mb.BoxContact(
         "s", points(a, b)[0], sides_of(a, b), b.point(*np.multiply(4, normal_of(a, b))), HERTZ, normal=normal_of(a, b)
     ),
-    "rope": lambda a, b: mb.Rope("s", [*points(a, b), mb.Ground().point(0.1, 0.3), a.point(0.1, 0.3)], 30.0, 0.1),
+    "rope": lambda a, b: mb.Rope("s", [*points(a, b), GROUND.point(0.1, 0.3), a.point(0.1, 0.3)], 30.0, 0.1),
 }
 PAIRS = [
     *(("Planar", b) for b in ("Planar", "Ground")),
@@ -182,7 +182,7 @@ def test_forces_between_particles_point_along_their_line(length):
 
 def test_a_spring_of_length_0_and_its_damper_are_finite_where_the_points_meet():
     a = free_body("Particle", "a")
-    system, dae = bundle(a, mb.SpringDamper("s", mb.Ground().point(0, 0), a.point(0, 0), 30.0, 4.0))
+    system, dae = bundle(a, mb.SpringDamper("s", GROUND.point(0, 0), a.point(0, 0), 30.0, 4.0))
     slopes = ca.Function("slopes", [system.q, system.v], [ca.jacobian(system.Q, ca.vertcat(system.q, system.v))])
     assert_allclose(numbers(dae.Q, np.zeros(3), np.ones(3), [], 0.0), 0)
     assert_allclose(slopes(np.zeros(3), np.ones(3)).full()[:, :3], -30 * np.eye(3))
@@ -223,8 +223,8 @@ def test_dampers_take_power_out(force, kind):
 
 
 def test_a_bushing_resists_by_the_sine_of_the_angle_about_each_axis():
-    ground, b = mb.Ground(), free_body("Spatial", "b")
-    _, dae = bundle(b, mb.Bushing("s", ground.point(0, 0), b.point(0, 0), 0.0, 0.0, (3.0, 5.0, 7.0)))
+    b = free_body("Spatial", "b")
+    _, dae = bundle(b, mb.Bushing("s", GROUND.point(0, 0), b.point(0, 0), 0.0, 0.0, (3.0, 5.0, 7.0)))
     for unit, stiffness in zip(np.eye(3), (3.0, 5.0, 7.0), strict=True):
         q = [0, 0, 0, np.cos(0.3), *np.sin(0.3) * unit]
         torque = -stiffness * np.sin(0.6) * unit
@@ -257,8 +257,8 @@ def test_vectors_are_written_in_any_way(write):
 )
 def test_a_bushing_that_turns_far_is_doubted(angle, stiffness, doubted):
     body = mb.Body("body", 1.0, (0.1, 0.1, 0.1), mb.Spatial())
-    hinge = mb.Revolute("hinge", mb.Ground().point(0, 0, 0), body.point(0, 0, 0))
-    mount = mb.Bushing("mount", mb.Ground().point(0, 0, 0), body.point(0, 0, 0), 5.0, 0.0, stiffness, 0.0)
+    hinge = mb.Revolute("hinge", GROUND.point(0, 0, 0), body.point(0, 0, 0))
+    mount = mb.Bushing("mount", GROUND.point(0, 0, 0), body.point(0, 0, 0), 5.0, 0.0, stiffness, 0.0)
     with warnings.catch_warnings(record=True, action="always") as found:
         run_of(body, hinge, mount, start={"hinge.angle": angle})
     told = "Bushing 'mount': the mount turns by more than 0.5 rad at t = 0 s"
@@ -267,7 +267,6 @@ def test_a_bushing_that_turns_far_is_doubted(angle, stiffness, doubted):
 
 # Torsion springs and backlash between axes that do not stay parallel.
 
-GROUND = mb.Ground()
 MAKE = {
     "spring": lambda a, b, axis: mb.TorsionSpring("t", a, b, 5.0, angle=0.3, axis=axis),
     "backlash": lambda a, b, axis: mb.TorsionContact("t", a, b, 0.2, mb.KelvinVoigt(50.0), axis=axis),
@@ -331,7 +330,7 @@ def rod():
     return mb.Body("rod", P.m * P.l, P.m * P.l**3 / 12, mb.Planar())
 
 
-ANCHOR = mb.Ground().point(0, 0)
+ANCHOR = GROUND.point(0, 0)
 Q, V, T = np.array([0.3, -0.4, 0.7]), np.array([1.0, 2.0, -3.0]), 0.6
 
 

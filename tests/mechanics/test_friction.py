@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import problems
 import pytest
-from machines import run_of
+from machines import GROUND, run_of
 from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
@@ -12,7 +12,6 @@ import symmb as mb
 from models import stick_slip
 
 KNOWN = problems.read("contact")["coulomb"]
-GROUND = mb.Ground()
 SOLVERS = (mb.DormandPrince(), mb.CVODES(rtol=1e-10, stiff=True), mb.Rosenbrock())
 solvers = pytest.mark.parametrize("solver", SOLVERS, ids=repr)
 

@@ -9,7 +9,7 @@ import pytest
 from conftest import ALL_JOINTS
 from faults import refused
 from joints import KINDS, OTHER, SKEW, bundle, coast, derivative, make_body, numbers, random_state
-from machines import ORIGIN, run_of
+from machines import GROUND, ORIGIN, run_of
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
@@ -104,7 +104,7 @@ def test_a_drive_of_any_position_expression(law, value):
 
 def test_a_hinge_s_angle_may_be_driven_and_axes_may_contain_parameters():
     p, a, b = mb.Parameters(skew=0.1), make_body("Spatial", "a"), make_body("Spatial", "b")
-    hinge = mb.Revolute("hinge", mb.Ground().point(0, 0, 0), b.point(0.3, 0, 0), axis=(1, 2, -1))
+    hinge = mb.Revolute("hinge", GROUND.point(0, 0, 0), b.point(0.3, 0, 0), axis=(1, 2, -1))
     system, dae = bundle(b, hinge, mb.Motion("drive", hinge.angle, mb.t**2))
     assert (dae.n_c, dae.n_s) == (6, 1)
     assert_derivatives(system, dae, seed=3)
@@ -320,8 +320,77 @@ def test_handles_have_units():
 
 def test_own_states_have_the_units_of_their_laws():
     body = make_body("Planar", "a")
-    hinge = mb.Revolute("hinge", mb.Ground().point(0, 0), body.point(0.1, 0))
+    hinge = mb.Revolute("hinge", GROUND.point(0, 0), body.point(0.1, 0))
     way = mb.State("way", rate=body.vx)
     held, unknown = mb.Sampled("held", 0.1, hinge.angle_rate), mb.State("unknown", rate=lambda z: -3 * z)
     system = mb.System(body, hinge, way, held, unknown)
     assert units_of(system, ca.vertcat(way.value, held.value, unknown.value)) == ("m", "rad/s", "")
+
+
+# A planar scene and the same scene of spatial bodies move alike: one joint library for both.
+
+TIMES = np.linspace(0, 2, 41)
+TIGHT = mb.CVODES(rtol=1e-12, stabilization=mb.Projection())
+
+
+def body(name, mass, inertia, planar):
+    if planar:
+        return mb.Body(name, mass, inertia, mb.Planar())
+    return mb.Body(name, mass, (0.4 * inertia, 0.8 * inertia, inertia), mb.Spatial())
+
+
+def run_alike(system, start, bodies, joint, **more):
+    """Positions, velocities, turns and the reaction in a joint of the same names, whatever the poses are."""
+    outputs, reaction = {}, system.reaction(joint)
+    for b in bodies:
+        point, R = b.point(0.3, 0.1), b.rotation
+        outputs |= {f"{b.name}.p{name}": getattr(point, name) for name in ("x", "y", "vx", "vy")}
+        outputs |= {f"{b.name}.turn": ca.atan2(R[1, 0], R[0, 0]), f"{b.name}.spin": b.omega[b.omega.numel() - 1]}
+    outputs |= {name: getattr(reaction, name) for name in ("fx", "fy", "fz", "tx", "tz")}
+    trajectory = mb.simulate(mb.Scene(system, start=start, times=TIMES, outputs=outputs, **more), TIGHT)
+    assert trajectory.position_drift < 1e-13
+    assert trajectory.energy_drift < 1e-9
+    return trajectory.values
+
+
+def chain(planar):
+    """Two rods and a plate that slides along the second; spring, damper, torsion spring, force, torque, gravity."""
+    rod1, rod2, plate = (body(f"b{i}", m, j, planar) for i, m, j in ((1, 1.0, 0.2), (2, 2.0, 0.1), (3, 0.5, 0.3)))
+    system = mb.System(
+        rod1, rod2, plate,
+        mb.Revolute("shoulder", GROUND.point(0, 0), rod1.point(-0.5, 0)),
+        mb.Revolute("elbow", rod1.point(0.5, 0.1), rod2.point(-0.4, 0)),
+        mb.Prismatic("slide", rod2.point(0, 0), plate.point(0.1, 0), axis=(1, 0, 0)),
+        mb.Gravity(0.3, -9.81),
+        mb.SpringDamper("spring", rod2.point(0.2, 0), plate.point(0, 0.3), 80.0, 0.6, 0.2),
+        mb.TorsionSpring("torsion", rod1, rod2, 3.0, 0.05, 0.4),
+        mb.Force("push", plate.point(0, 0.2), (ca.sin(3 * mb.t), 1.0)),
+        mb.Torque("twist", rod1, 0.4),
+    )  # fmt: skip
+    start = {"shoulder.angle": 0.3, "shoulder.angle_rate": 1.5, "elbow.angle": -1.1}
+    return run_alike(system, start, (rod1, rod2, plate), "elbow")
+
+
+def slider_crank(planar):
+    """In space, a ball joint and a cylindrical joint carry the rod: with hinges it would be redundant."""
+    parts = (("crank", 1.0, 0.1), ("rod", 1.5, 0.3), ("slider", 2.0, 0.2))
+    crank, rod, slider = (body(*part, planar) for part in parts)
+    wrist, pin = (mb.Revolute, mb.Revolute) if planar else (mb.Cylindrical, mb.Spherical)
+    system = mb.System(
+        crank, rod, slider,
+        mb.Revolute("main", GROUND.point(0, 0), crank.point(-0.2, 0)),
+        pin("pin", crank.point(0.2, 0), rod.point(-0.6, 0)),
+        wrist("wrist", rod.point(0.6, 0), slider.point(0, 0)),
+        mb.Prismatic("guide", GROUND.point(0, 0.1), slider.point(0, 0), axis=(1, 0, 0)),
+        mb.Gravity(0, -9.81),
+        mb.Spring("spring", GROUND.point(2.5, 0.1), slider.point(0, 0), 30.0, 0.5),
+    )  # fmt: skip
+    start, guess = {"main.angle": 0.6, "main.angle_rate": 4.0}, {"slider.x": 1.5, "rod.x": 0.9}
+    return run_alike(system, start, (crank, rod, slider), "pin", guess=guess)
+
+
+@pytest.mark.parametrize("machine", [chain, slider_crank], ids=lambda machine: machine.__name__)
+def test_a_machine_moves_alike_in_the_plane_and_in_space(machine):
+    planar, spatial = machine(True), machine(False)
+    assert np.ptp(planar, axis=0)[0] > 0.3  # it moves
+    assert_allclose(spatial, planar, atol=1e-8)

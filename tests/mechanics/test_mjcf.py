@@ -323,9 +323,6 @@ def test_a_tendon_is_slack_between_two_lengths(tmp_path):
             assert_allclose(found, force / 2, rtol=1e-12, atol=1e-15)
 
 
-ARM = f'<body name="arm"><joint name="elbow" axis="0 1 0"/>{ROD}</body>'
-
-
 MALFORMED = [
     ("", "empty file"),
     ("mass = 3", "XML"),
@@ -341,11 +338,11 @@ MALFORMED = [
     (written('<body><joint/><inertial pos="0 0 0" mass="-1" diaginertia="1 1 1"/></body>'), "mass"),
     (written('<body name="arm"><joint/><inertial pos="0 0 0" mass="1" diaginertia="1 1 9"/></body>'), "inertia"),
     (written(f'<body><joint axis="0 0 0"/>{ROD}</body>'), "axis"),
-    (written(ARM + ARM), "repeated name 'arm'"),
-    (written(ARM, '<actuator><motor joint="elbw"/></actuator>'), "elbw"),
+    (written(arm() + arm()), "repeated name 'arm'"),
+    (written(arm(), '<actuator><motor joint="elbw"/></actuator>'), "elbw"),
     (written('<body childclass="none"/>'), "unknown default childclass"),
     ('<mujoco><include file="none.xml"/></mujoco>', "none.xml"),
-    (written(ARM, '<asset><mesh file="none.stl"/></asset>'), "none.stl"),
+    (written(arm(), '<asset><mesh file="none.stl"/></asset>'), "none.stl"),
     (written(f"<body><joint/>{ROD}<body><freejoint/>{ROD}</body></body>"), "free joint"),
     (written(f'<body name="a&#1;b"><joint/>{ROD}</body>'), "a.*b"),
 ]
@@ -366,8 +363,8 @@ OPTIONS = [
     ({"path": "arm.urdf"}, "Use load_urdf"),
     ({"replace": {"arm.mas": 1.0}}, "no number 'arm.mas'. Did you mean 'arm.mass'"),
     ({"replace": "arm.mass"}, "expected a mapping from names to expressions"),
-    ({"replace": {"elbow.damping": -1.0}}, "must not be negative"),
-    ({"replace": {"elbow.stiffness": float("nan")}}, "not a finite number"),
+    ({"replace": {"j.damping": -1.0}}, "must not be negative"),
+    ({"replace": {"j.stiffness": float("nan")}}, "not a finite number"),
     ({"replace": {"world.mass": 1.0}}, "'world.mass' has no effect"),
     ({"stop": "hard"}, "stop"),
 ]
@@ -375,7 +372,7 @@ OPTIONS = [
 
 @pytest.mark.parametrize(("options", "message"), OPTIONS)
 def test_options_of_other_kinds(options, message, tmp_path):
-    refused(message, mb.load_mjcf, **{"path": write(tmp_path, ARM)} | options)
+    refused(message, mb.load_mjcf, **{"path": write(tmp_path, arm())} | options)
 
 
 def test_without_the_package(monkeypatch, tmp_path):

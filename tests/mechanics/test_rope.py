@@ -100,11 +100,9 @@ def test_faults(way, k, length, fault):
 
 
 def test_a_load_in_its_pulley_is_a_run_that_ends():
-    body = mb.Body("body", 1.0, pose=mb.Particle())
-    rope = mb.Rope("rope", [GROUND.point(-1, 0), (GROUND.point(0, 0), 0.1), body.point(0, 0)], 1e4, 3.0)
-    scene = mb.Scene(mb.System(body, rope), {"body.x": 0.05, "body.vx": 0.2}, [0.0, 1.0])
-    run = warned("an end has reached a pulley", mb.simulate, scene)
-    assert run["body.x"][-1] == pytest.approx(0.25, abs=1e-9)
+    way, start = [GROUND.point(-1, 0), (ORIGIN, 0.1)], {"load.x": 0.05, "load.vx": 0.2}
+    run = warned("an end has reached a pulley", mb.simulate, hanging(way, 1e4, 3.0, start=start, g=0.0))
+    assert run["x"][-1] == pytest.approx(0.25, abs=1e-9)
 
 
 @pytest.mark.parametrize(("over", "y"), [(GROUND.point(0, 0), -0.79), (GROUND.point(0.1, 0.05), -0.64)])

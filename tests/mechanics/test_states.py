@@ -8,13 +8,12 @@ import pytest
 import sympy
 from conftest import ALL_SOLVERS
 from faults import refused
-from machines import run_of
+from machines import GROUND, run_of
 from mechanisms import exact
 from numpy.testing import assert_allclose
 
 import symmb as mb
 
-GROUND = mb.Ground()
 TIMES = np.linspace(0.0, 1.0, 11)
 
 

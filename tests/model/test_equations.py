@@ -138,31 +138,16 @@ def four_bar_of_bodies():
         [x[2] - C[2] - d, y[2] - S[2]],
         [x[2] + C[2] - x[1] - C[1], y[2] + S[2] - y[1] - S[1]],
     ]
-    turned = [  # minus what is left of the second derivatives
-        [-C[0] * w[0] ** 2, -S[0] * w[0] ** 2],
-        [-C[1] * w[1] ** 2 - C[0] * w[0] ** 2, -S[1] * w[1] ** 2 - S[0] * w[0] ** 2],
-        [-C[2] * w[2] ** 2, -S[2] * w[2] ** 2],
-        [C[2] * w[2] ** 2 - C[1] * w[1] ** 2, S[2] * w[2] ** 2 - S[1] * w[1] ** 2],
-    ]
-    Phi_q = sp.Matrix([
-        [1, 0, S[0], 0, 0, 0, 0, 0, 0],
-        [0, 1, -C[0], 0, 0, 0, 0, 0, 0],
-        [-1, 0, S[0], 1, 0, S[1], 0, 0, 0],
-        [0, -1, -C[0], 0, 1, -C[1], 0, 0, 0],
-        [0, 0, 0, 0, 0, 0, 1, 0, S[2]],
-        [0, 0, 0, 0, 0, 0, 0, 1, -C[2]],
-        [0, 0, 0, -1, 0, S[1], 1, 0, -S[2]],
-        [0, 0, 0, 0, -1, -C[1], 0, 1, C[2]],
-    ])  # fmt: skip
+    Phi = sp.Matrix([row for pair in ends for row in pair])
     inertia = [of for k, l in enumerate((a, b, c)) for of in (m[k], m[k], m[k] * l**2 / 12)]
     return Book(
         _four_bar(),
         {
             "M": sp.diag(*inertia),
             "Q": [force for k in range(3) for force in (0, -m[k] * g, 0)],
-            "Phi": [row for pair in ends for row in pair],
-            "Phi_q": Phi_q,
-            "gamma": [row for pair in turned for row in pair],
+            "Phi": Phi,
+            "Phi_q": Phi.jacobian([of for link in zip(x, y, f, strict=True) for of in link]),
+            "gamma": -(Phi.jacobian(f) * sp.Matrix(w)).jacobian(f) * sp.Matrix(w),
         },
     )
 
@@ -172,6 +157,7 @@ def four_bar_of_joints():
     m1, m2, m3, a, b, c, d, g = symbols("m1 m2 m3 a b c d g")
     f, h, r, df, dh, dr = symbols("A.angle B.angle D.angle A.angle_rate B.angle_rate D.angle_rate")
     m12 = m2 * b**2 / 3 + m2 * a * b / 2 * cos(h)
+    Phi = [d + c * cos(r) - a * cos(f) - b * cos(f + h), c * sin(r) - a * sin(f) - b * sin(f + h)]
     return Book(
         _four_bar().joint_space(),
         {
@@ -187,11 +173,8 @@ def four_bar_of_joints():
                 -m2 * a * b / 2 * sin(h) * df**2 - m2 * g * b / 2 * cos(f + h),
                 -m3 * g * c / 2 * cos(r),
             ],
-            "Phi": [d + c * cos(r) - a * cos(f) - b * cos(f + h), c * sin(r) - a * sin(f) - b * sin(f + h)],
-            "Phi_q": [
-                [a * sin(f) + b * sin(f + h), b * sin(f + h), -c * sin(r)],
-                [-a * cos(f) - b * cos(f + h), -b * cos(f + h), c * cos(r)],
-            ],
+            "Phi": Phi,
+            "Phi_q": sp.Matrix(Phi).jacobian([f, h, r]),
             "gamma": [
                 c * cos(r) * dr**2 - a * cos(f) * df**2 - b * cos(f + h) * (df + dh) ** 2,
                 c * sin(r) * dr**2 - a * sin(f) * df**2 - b * sin(f + h) * (df + dh) ** 2,

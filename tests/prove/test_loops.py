@@ -8,12 +8,12 @@ import casadi as ca
 import loop_proofs
 import numpy as np
 import pytest
-from _loops import FINE, _four_bar
+from _loops import _four_bar
 from conftest import but_long
 from enclosure_samples import ode, require_sharp
 from faults import refused
 from machines import GROUND, ball, bob, pendulum
-from scipy.integrate import solve_ivp
+from mechanisms import exact, swing
 from scipy.optimize import brentq
 
 import symmb as mb
@@ -86,10 +86,8 @@ def test_a_pendulum_on_a_distance_turns_over():
     scene = link.scene("x y vx vy", times, start, guess={"bob.y": -1.0}, box=box)
     runs = []
     for w in (7.99, 7.995, 8.0, 8.01):
-        run = solve_ivp(lambda t, z: [z[1], -9.81 * np.sin(z[0])], (0, 0.9), [0.0, w], method="DOP853", rtol=FINE,
-                        atol=1e-14, t_eval=times)  # fmt: skip
-        angle, rate = run.y
-        runs.append(np.stack([np.sin(angle), -np.cos(angle), rate * np.cos(angle), rate * np.sin(angle)], axis=1))
+        angle, rate = swing(9.81, times, -np.pi / 2, w).T
+        runs.append(np.stack([np.cos(angle), np.sin(angle), -rate * np.sin(angle), rate * np.cos(angle)], axis=1))
     assert np.ptp([run[:, 1] for run in runs]) > 1.9  # over the top
     require_sharp(mb.propagate(scene, mb.TaylorModel(order=5)), runs, loop_proofs.INSIDE, 1e-5)
 
@@ -138,8 +136,7 @@ def _absolute_run(lengths, poses, rates, times, ground=9.81):
         K = np.block([[M, J.T], [J, np.zeros((8, 8))]])
         return np.concatenate([w, np.linalg.solve(K, np.concatenate([load, *(-pin[1] for pin in pins)]))[:9]])
 
-    start = np.concatenate([poses, rates])
-    return solve_ivp(rate, times[[0, -1]], start, method="DOP853", rtol=1e-12, atol=1e-13, t_eval=times).y[:9].T
+    return exact(rate, np.concatenate([poses, rates]), times)[:, :9]
 
 
 def test_a_four_bar_passes_dead_centres_of_all_of_its_bars():
@@ -185,9 +182,7 @@ def test_a_pendulum_with_a_torsion_spring_under_a_torque_that_grows():
             return -k * angle - 9.81 * 0.5 * np.cos(angle)
 
         begin = [brentq(torque, -1.5, 0, xtol=1e-15), 0.0]
-        run = solve_ivp(lambda t, z, f=torque: [z[1], (f(z[0]) + t) / 0.35], (0, 1), begin, method="DOP853", rtol=1e-13,
-                        atol=1e-14, t_eval=times)  # fmt: skip
-        found.append(run.y[0])
+        found.append(exact(lambda t, z, f=torque: [z[1], (f(z[0]) + t) / 0.35], begin, times)[:, 0])
     scene = arm.scene("theta", times, box=mb.Box(k=(2.9, 3.1)), equilibrium=True)
     require_sharp(mb.propagate(scene, mb.TaylorModel(order=5)), np.array(found)[:, :, None], **SHARP)
 

@@ -1,14 +1,13 @@
 """Motions with switches of the state and sampled controllers, against closed forms and runs that restart at each."""
 
-import warnings
-
 import casadi as ca
 import numpy as np
 import pytest
 import switch_proofs
+from black_boxes import quietly
 from enclosure_samples import require_sharp
 from machines import ball, pendulum
-from scipy.integrate import solve_ivp
+from mechanisms import exact
 from scipy.interpolate import PchipInterpolator
 
 import symmb as mb
@@ -18,9 +17,8 @@ TIMES = np.linspace(0.0, 1.0, 21)
 
 def doubted(law, start, nominal, box, order=6, times=TIMES):
     """Bounds of a mass of 1 kg, and the text of its doubts."""
-    with warnings.catch_warnings(action="ignore", category=mb.SymmbWarning):
-        scene = switch_proofs.mass(times, law, start, nominal)
-        bounds = mb.propagate(scene, mb.TaylorModel(order=order), mb.Box(**box))
+    scene = quietly(switch_proofs.mass, times, law, start, nominal)
+    bounds = quietly(mb.propagate, scene, mb.TaylorModel(order=order), mb.Box(**box))
     return bounds, " ".join(bounds.doubts)
 
 
@@ -202,7 +200,6 @@ def test_a_pendulum_with_two_controllers_of_different_periods():
                 if n % 2 == 0:
                     held = -k * z[0] - 3.0 * z[1] + 0.05 * n + sum_
                     rows.append([*z, held, sum_])
-                z = solve_ivp(lambda t, z, u=held: [z[1], (u - 9.81 * 0.5 * np.cos(z[0])) / 0.35], (0, 0.05), z,
-                              method="DOP853", rtol=1e-13, atol=1e-15).y[:, -1]  # fmt: skip
+                z = exact(lambda t, z, u=held: [z[1], (u - 9.81 * 0.5 * np.cos(z[0])) / 0.35], z, (0, 0.05))[-1]
             runs.append(rows)
     require_sharp(mb.propagate(scene, mb.TaylorModel(order=4)), runs, 1e-10, 1e-4)

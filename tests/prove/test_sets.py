@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from enclosure_samples import check, ode, parameters, solutions
+from machines import rods
 from planar_lagrangian import random_mechanism
 from scipy.integrate import solve_ivp
 from scipy.special import ellipj, ellipk
@@ -215,13 +216,10 @@ def test_a_turning_phasor():
 
 def test_a_swinging_rod():
     """A scene against Jacobi's elliptic functions, over seven periods."""
-    p = mb.Parameters(length=1.0, g=9.81, angle=1.0)
-    rod = mb.Body("rod", mass=1.0, inertia=p.length**2 / 12)
-    hinge = mb.Revolute("hinge", mb.Ground().point(0, 0), rod.point(0, p.length / 2))
-    system = mb.System(rod, hinge, mb.Gravity(0, -p.g), parameters=p)
-    times = np.linspace(0.0, 12.0, 25)
+    machine, times = rods(1, angle=1.0), np.linspace(0.0, 12.0, 25)
     box = mb.Box(length=(0.99, 1.01), g=(9.8, 9.82), angle=(0.99, 1.01))
-    bounds = mb.propagate(mb.Scene(system, {"rod.theta": p.angle}, times, {"theta": rod.theta}, box), mb.TaylorModel(5))
+    scene = machine.scene({"theta": machine.body.theta}, times, {"rod0.theta": machine.p.angle}, box=box)
+    bounds = mb.propagate(scene, mb.TaylorModel(5))
     length, g, angle = (a[..., None] for a in np.meshgrid(*(np.linspace(*own, 9) for own in box.bounds), indexing="ij"))
     m = np.sin(angle / 2) ** 2
     sn = ellipj(ellipk(m) - np.sqrt(1.5 * g / length) * times, m)[0]

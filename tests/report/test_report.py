@@ -6,7 +6,9 @@ from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
+from black_boxes import black_box_bounds, reloaded
 from faults import refused
+from machines import ball
 
 import symmb as mb
 from models import double_pendulum
@@ -31,19 +33,11 @@ def decayed(method=None, **names):
     return mb.propagate(simulator, method or mb.PolynomialChaos(), box)
 
 
-def bounded(f, *names, method=None, t=T, **box):
-    """Bounds of a function of parameters with nominal values of 1."""
-    simulator = mb.FunctionSimulator(f, dict.fromkeys(box, 1.0), t, names or ["x"])
-    return mb.propagate(simulator, method or mb.PolynomialChaos(), mb.Box(**box))
-
-
 def rolling(name="roll", output="x"):
     """A ball that rolls at an uncertain speed."""
-    p = mb.Parameters(speed=1.0)
-    ball = mb.Body("ball", 1.0, pose=mb.Particle())
-    system = mb.System(ball, mb.Gravity(0, -0.1), parameters=p)
-    outputs, box = {output: ball.x, "y": ball.y}, mb.Box(speed=(0.9, 1.1))
-    return mb.Scene(system, {"ball.vx": p.speed}, T, outputs, box, name=name)
+    machine, box = ball(g=0.1, speed=1.0), mb.Box(speed=(0.9, 1.1))
+    outputs = {output: machine.ball.x, "y": machine.ball.y}
+    return machine.scene(outputs, T, {"ball.vx": machine.p.speed}, box=box, name=name)
 
 
 def text_of(path):
@@ -155,7 +149,7 @@ def test_a_report_makes_no_runs_of_a_black_box(tmp_path, function, is_shown):
     """Contributions are left out where they would take some; a constant output takes none."""
     calls = []
     with np.errstate(divide="ignore"):
-        bounds = bounded(lambda k: calls.append(k) or function(k), k=(0.9, 1.1))
+        bounds = black_box_bounds(lambda k: calls.append(k) or function(k), None, T, "x", k=(0.9, 1.1))
         made = len(calls)
         text, *_ = reported(bounds, tmp_path, {"x": (None, 4)})
     assert len(calls) == made
@@ -166,7 +160,7 @@ def test_a_report_makes_no_runs_of_a_black_box(tmp_path, function, is_shown):
 def test_contributions_are_at_the_least_margin(tmp_path):
     """The widest time is another one, 2 s; 0 of these comes from k at 1 s, where the limit is close."""
     f = lambda k, m: np.stack([[k, 5 + m, 3 * k + m], [k, m, 2 * m]], 1)  # noqa: E731
-    bounds = bounded(f, "x", "y", t=np.array([0.0, 1.0, 2.0]), k=(0.9, 1.1), m=(0.9, 1.1))
+    bounds = black_box_bounds(f, None, [0.0, 1.0, 2.0], "x y", k=(0.9, 1.1), m=(0.9, 1.1))
     text, *_ = reported(bounds, tmp_path, {"x": (None, 7)})
     assert "x at 1 s alone" in text and "x at 2 s alone" not in text and "y at 2 s alone" in text
     assert "at the time of the smallest margin" in text
@@ -177,7 +171,8 @@ def test_contributions_are_at_the_least_margin(tmp_path):
 def test_many_outputs_have_six_tables(tmp_path, monkeypatch):
     """Those with limits come first, in the pictures too, and the rest is named."""
     drawn = []
-    bounds = bounded(lambda k: np.outer(k * T, np.arange(1.0, 10.0)), *(f"y{k}" for k in range(9)), k=(0.9, 1.1))
+    rows = lambda k: np.outer(k * T, np.arange(1.0, 10.0))  # noqa: E731
+    bounds = black_box_bounds(rows, None, T, " ".join(f"y{k}" for k in range(9)), k=(0.9, 1.1))
     for kind in (mb.Bounds, mb.Contributions):
         own = kind.plot
         monkeypatch.setattr(kind, "plot", lambda self, *a, _own=own, **k: drawn.append(k) or _own(self, *a, **k))
@@ -192,8 +187,7 @@ def test_many_outputs_have_six_tables(tmp_path, monkeypatch):
 @pytest.mark.parametrize("suffix", [".npz", ".json", ".csv"])
 def test_bounds_from_a_file_show_what_they_hold(tmp_path, suffix):
     bounds = mb.propagate(rolling(), mb.PolynomialChaos())
-    bounds.save(tmp_path / f"b{suffix}")
-    text, found, page = reported(mb.Bounds.load(tmp_path / f"b{suffix}"), tmp_path, {"x": (None, 2)})
+    text, found, page = reported(reloaded(bounds, tmp_path / f"b{suffix}"), tmp_path, {"x": (None, 2)})
     assert "<iframe" not in page and "The mechanism" not in found
     assert {"Limits", "Bounds", "Curves", "Settings"} <= {*found}
     assert ("Assumptions" in found) == (suffix != ".csv")
@@ -237,8 +231,8 @@ def test_names_are_no_markup(tmp_path, subject):
         mb.propagate(rolling(EVIL, EVIL), mb.PolynomialChaos()).report(path, {EVIL: (None, 2)})
     else:
         bounds = decayed(name=EVIL, parameter=EVIL)
-        bounds.save(tmp_path / "b.npz")
-        (mb.Bounds.load(tmp_path / "b.npz") if subject == "loaded" else bounds).report(path, {EVIL: (None, 2)})
+        again = reloaded(bounds, tmp_path / "b.npz")
+        (again if subject == "loaded" else bounds).report(path, {EVIL: (None, 2)})
     text = path.read_text()
     assert "<script" not in text and EVIL in html.unescape(text)
     if subject == "scene":
@@ -254,8 +248,7 @@ def test_comparisons(tmp_path):
     assert all(words(row) in text for row in table) and "seeds 0 of MonteCarlo(2)" in text
     assert found == ["Methods", "Assumptions", "Settings", "Cost", "How to repeat it"]
     assert "The methods made 4 runs" in text and f"The reference: {comparison._reference()}" in text
-    comparison.save(tmp_path / "c.json")
-    assert reported(mb.Comparison.load(tmp_path / "c.json"), tmp_path)[0] == text
+    assert reported(reloaded(comparison, tmp_path / "c.json"), tmp_path)[0] == text
 
 
 @pytest.mark.parametrize(

@@ -5,11 +5,12 @@ import re
 
 import numpy as np
 import pytest
-from browser import NEEDED, Browser
+from browser import NEEDED, browser_of_a_module
 
 import symmb as mb
 from models import double_pendulum
 
+browser = browser_of_a_module
 pytestmark = [NEEDED, pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")]
 SCREEN, TELEPHONE, PAPER = 1200, 390, 694
 """Widths [px]; that of paper is A4 within its margins."""
@@ -41,12 +42,6 @@ def many():
 def comparison():
     scene = double_pendulum.scene().with_times(np.linspace(0, 1, 51))
     return mb.compare(scene, [mb.PolynomialChaos(), mb.Vertex(), mb.MonteCarlo(10)]), None
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with Browser() as browser:
-        yield browser
 
 
 @pytest.fixture(scope="module", params=[pendulum, black_box, many, comparison])

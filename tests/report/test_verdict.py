@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 import pytest
+from black_boxes import black_box_bounds
 from faults import refused
 from machines import ball
 
@@ -36,10 +37,6 @@ def told(bounds, limits):
     bounds = bounds if check is None or check.kept else bounds._with_nominal()
     shares = bounds._known_contributions() if bounds.range_of else None
     return check, verdict(bounds, check), next_steps(bounds, check, shares)
-
-
-def of_function(f, nominal, method=None, names=("x",), **box):
-    return mb.propagate(mb.FunctionSimulator(f, nominal, T, [*names]), method or mb.PolynomialChaos(), mb.Box(**box))
 
 
 def bounded(seed, method=None):
@@ -193,7 +190,7 @@ def test_ranges_without_limits(seed):
 
 def test_urgent_limits_come_first_and_the_annex_has_the_rest(tmp_path):
     limits = {f"y{k}": (None, 40.0 if k < 28 else 30.5) for k in range(30)}
-    bounds = of_function(lambda k: np.outer(k * T, np.arange(1.0, 31.0)), {"k": 1.0}, names=limits, k=(0.9, 1.1))
+    bounds = black_box_bounds(lambda k: np.outer(k * T, np.arange(1.0, 31.0)), None, T, " ".join(limits), k=(0.9, 1.1))
     _, sentences, steps = told(bounds, limits)
     assert sentences[0] == ("violated", "Of 30 limits, 2 are violated in some cases and 28 are satisfied.")
     assert [state for state, _ in sentences[1:7]] == ["violated"] * 2 + ["satisfied"] * 4
@@ -204,18 +201,18 @@ def test_urgent_limits_come_first_and_the_annex_has_the_rest(tmp_path):
 
 def test_runs_that_fail_are_told():
     with np.errstate(divide="ignore", invalid="ignore"):
-        bounds = of_function(lambda k: T / (k <= 1.05), {"k": 1.0}, mb.MonteCarlo(40), k=(0.9, 1.1))
+        bounds = black_box_bounds(lambda k: T / (k <= 1.05), mb.MonteCarlo(40), T, "x", k=(0.9, 1.1))
     texts = [text for _, text in told(bounds, {"x": (None, 2.0)})[1]]
     assert f"{len(bounds.failed)} of 40 runs failed: these cases are not known." in texts and bounds.failed
 
 
 def test_boxes_without_widths_and_intervals_beside_the_nominal_values():
-    bounds = of_function(lambda k: k * T, {"k": 2.0}, k=(2.0, 2.0))
+    bounds = black_box_bounds(lambda k: k * T, None, T, "x", k=(2.0, 2.0))
     for limit, state in ((3.0, "satisfied"), (1.5, "violated")):
         _, sentences, steps = told(bounds, {"x": (None, limit)})
         assert sentences[0][0] == state and " when " not in sentences[1][1]
         assert not any("spread" in step or "ighten one" in step for step in steps)
-    bounds = of_function(lambda k, m: (k + m) * T, {"k": 2.0, "m": 1.0}, k=(1.9, 2.4), m=(1.0, 1.0))
+    bounds = black_box_bounds(lambda k, m: (k + m) * T, None, T, "x", nominal={"k": 2.0}, k=(1.9, 2.4), m=(1.0, 1.0))
     _, sentences, steps = told(bounds, {"x": (None, 3.2)})
     assert sentences[1][1] == "'x' may exceed its limit of 3.2 by 0.2, at 1 s, when k is high (2.4)."
     above, below = map(float, re.search(r"k from 2 \+0.4 −0.1 to 2 \+(\S+) −(\S+)\.$", steps[0]).groups())
@@ -223,7 +220,7 @@ def test_boxes_without_widths_and_intervals_beside_the_nominal_values():
 
 
 def test_the_title_block(tmp_path):
-    bounds, path = of_function(lambda k: k * T, {"k": 2.0}, mb.Vertex(), k=(1.0, 2.0)), tmp_path / "r.html"
+    bounds, path = black_box_bounds(lambda k: k * T, mb.Vertex(), T, "x", k=(1.0, 2.0)), tmp_path / "r.html"
     bounds.report(path, company="A & B <Ltd>", revision=3)
     block = path.read_text().partition("<h1>")[0].partition('class="block"')[2]
     assert "<dt>company</dt><dd>A &amp; B &lt;Ltd&gt;</dd>" in block and "<dt>revision</dt><dd>3</dd>" in block
@@ -233,8 +230,8 @@ def test_the_title_block(tmp_path):
 
 def test_names_in_sentences_are_no_markup(tmp_path):
     name, path = "<script>x</script>", tmp_path / "r.html"
-    simulator = mb.FunctionSimulator(lambda **p: p[name] * T, {name: 2.0}, T, [name])
-    mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(**{name: (1.0, 3.0)})).report(path, {name: (None, 2.5)})
+    bounds = black_box_bounds(lambda **p: p[name] * T, None, T, name, **{name: (1.0, 3.0)})
+    bounds.report(path, {name: (None, 2.5)})
     page = path.read_text()
     assert "<script" not in page
     assert f"'{name}' may exceed its limit of 2.5 by 0.5, at 1 s, when {name} is high (3)." in html.unescape(page)

@@ -87,3 +87,37 @@ def test_what_no_force_opposes_is_named():
 def test_without_equilibrium_the_fault_is_told():
     ball = machines.ball(lambda m: mb.Force("f", m.at, (ca.sin(m.ball.x), 0)))
     refused("No static equilibrium", mb.simulate, ball.scene(equilibrium=True), error=mb.AssemblyError)
+
+
+# Values at the start of a run: kept along it, for every sample, and followed by Taylor's method.
+
+
+def hanging() -> mb.Scene:
+    """A mass on a spring in equilibrium at -m g / k, which a force pulls from 0 on: F/k (1 - cos) more."""
+    spring = lambda m: mb.Spring("spring", machines.ORIGIN, m.at, m.p.stiffness)  # noqa: E731
+    pull = lambda m: mb.Force("pull", m.at, (0, -3.0 * mb.Table([0.0, 1e-9], [0.0, 1.0])(mb.t)))  # noqa: E731
+    block = machines.ball(spring, pull, mass=2.0, stiffness=40.0)
+    outputs = {"way": block.body.y - mb.initial(block.body.y), "start": mb.initial(block.body.y)}
+    return block.scene(outputs, np.linspace(0.0, 1.0, 11), box=mb.Box(stiffness=(36.0, 44.0)), equilibrium=True)
+
+
+@pytest.mark.parametrize("solver", [mb.DormandPrince(), mb.CVODES()], ids=repr)
+def test_every_sample_keeps_its_own(solver):
+    scene = hanging()
+    Y = mb.DAESimulator(scene, solver).run(np.array([[2.0, G, 36.0], [2.0, G, 44.0]])).Y
+    for values, k in zip(Y, (36.0, 44.0), strict=True):
+        way = -3.0 / k * (1 - np.cos(np.sqrt(k / 2.0) * scene.times))
+        assert values[:, 0] == pytest.approx(way, abs=1e-7)
+        assert values[:, 1] == pytest.approx(np.full(11, -2.0 * G / k), abs=1e-9)
+
+
+def test_taylor_follows_it():
+    low, high = mb.propagate(hanging(), mb.Taylor(order=4))["start"]
+    assert low == pytest.approx(np.full(11, -2.0 * G / 36.0), rel=1e-3)
+    assert high == pytest.approx(np.full(11, -2.0 * G / 44.0), rel=2e-2)  # even powers count from 0
+
+
+def test_what_has_no_start_to_be_kept_is_refused():
+    block = mb.Body("block", mass=2.0, pose=mb.Particle())
+    for expression in (block.vy, block.y * mb.t, 0 * block.y):
+        refused("coordinates and parameters only", mb.initial, expression)

@@ -1,5 +1,6 @@
 """Redundant rows and joints: rows that stay independent are kept, and the motion is that without the others."""
 
+from dataclasses import replace
 from functools import cache
 
 import bricard
@@ -9,6 +10,7 @@ from driven_loops import driven_loop
 from machines import GROUND, pendulum
 from mechanisms import exact, swing
 from numpy.testing import assert_allclose
+from overconstrained import LINKAGES, bennett
 from problems import windows_in_space
 from redundant_scenes import mechanism
 from scipy.spatial.transform import Rotation
@@ -303,3 +305,27 @@ def test_hinges_that_fit_at_the_nominal_parameters_only_are_told(coordinates):
         assert "'lower', 'upper' are redundant at the nominal parameters, but not at e = 0.0" in doubt and told in doubt
         _, reasons = simulator.start.states(np.array([[0.0], [0.01]]))
         assert reasons[0] == "" and (reasons[1] != "") == ("contradict" in told)
+
+
+# Linkages that move though their joints have too many rows: runs and checks against Lagrange's equation.
+
+
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.long)])
+@pytest.mark.parametrize("linkage", LINKAGES, ids=lambda linkage: linkage.__name__)
+def test_overconstrained_linkages_move_and_are_checked(linkage, seed):
+    ring, rate = linkage(seed), float(np.random.default_rng(seed).uniform(2, 5))
+    times, known = ring.motion(3.0, rate)
+    run = mb.simulate(ring.scene(times, rate), check=True)
+    assert_allclose(run.values, known, rtol=0, atol=1e-6 * np.abs(known).max())
+    assert run.error is not None and run.error.max() < 1e-6 * np.abs(known).max()
+    assert not run.doubts
+
+
+@pytest.mark.parametrize("solver", [mb.DormandPrince(rtol=1e-12, stabilization=None), mb.DormandPrince()], ids=repr)
+@pytest.mark.parametrize("seed", [4])
+def test_rows_that_vanish_in_passing_do_not_magnify_the_drift(seed, solver):
+    """In coordinates of joints a row of the last hinge of Bennett's linkage passes 0."""
+    ring, rate = bennett(seed), float(np.random.default_rng(seed).uniform(2, 5))
+    times, known = ring.motion(3.0, rate)
+    run = mb.simulate(replace(ring.scene(times, rate), coordinates="joint"), solver)
+    assert_allclose(run.values, known, rtol=0, atol=1e-6 * np.abs(known).max())

@@ -18,15 +18,18 @@ def values(scene, *names):
     return [found[name] for name in names]
 
 
+def on_rail(name="cart", mass=1.0, inertia=1.0):
+    """A body and its rail along x."""
+    body = mb.Body(name, mass, inertia)
+    return body, mb.Prismatic("rail", GROUND.point(0, 0), body.point(0, 0), axis=(1, 0, 0))
+
+
 def cart(mass=1.0, length=2.0, parameters=None):
     """A cart on a rail along x, and a rod that hangs from it."""
-    wagon, rod = mb.Body("cart", 1.0, 1.0), mb.Body("rod", mass, mass * length**2 / 12)
+    (wagon, rail), rod = on_rail(), mb.Body("rod", mass, mass * length**2 / 12)
     return mb.System(
-        wagon, rod,
-        mb.Prismatic("rail", GROUND.point(0, 0), wagon.point(0, 0), axis=(1, 0, 0)),
-        mb.Revolute("pin", wagon.point(0, 0), rod.point(0, length / 2)),
-        parameters=parameters,
-    )  # fmt: skip
+        wagon, rod, rail, mb.Revolute("pin", wagon.point(0, 0), rod.point(0, length / 2)), parameters=parameters
+    )
 
 
 @pytest.mark.parametrize("mass", [1e-6, 1.0, 1e6])
@@ -79,13 +82,9 @@ def test_a_drive_of_one_joint_leaves_the_others_at_rest():
 
 
 def test_a_wheel_rolls_with_its_cart_and_gears_turn_together():
-    wagon, wheel = mb.Body("cart", 1.0, 1.0), mb.Body("wheel", 1.0, 1.0)
-    rolling = mb.System(
-        wagon, wheel,
-        mb.Prismatic("rail", GROUND.point(0, 0), wagon.point(0, 0), axis=(1, 0, 0)),
-        mb.Revolute("axle", wagon.point(0, 0), wheel.point(0, 0)),
-        mb.VelocityConstraint("rolling", (wheel.vx + 0.25 * wheel.omega,)),
-    )  # fmt: skip
+    (wagon, rail), wheel = on_rail(), mb.Body("wheel", 1.0, 1.0)
+    axle = mb.Revolute("axle", wagon.point(0, 0), wheel.point(0, 0))
+    rolling = mb.System(wagon, wheel, rail, axle, mb.VelocityConstraint("rolling", (wheel.vx + 0.25 * wheel.omega,)))
     turning = gears(ratio=-0.5).system
     for system, rates in ((rolling, {"cart.vx": 1.0, "wheel.omega": -4.0}), (turning, {"a.omega": 4.0, "b.omega": -2})):
         for name, rate in rates.items():
@@ -98,7 +97,7 @@ PINS = np.array([[0, 0], [0, 1], [0.8, 1.7], [1.6, 1.2], [1.5, 0]])
 
 def five_bar(speed=0.0, unit=1.0, listed="bar0.omega", value=1.0):
     """Four bars between five pins, the first and the last one on a wagon that moves at a speed; a pendulum on bar 2."""
-    wagon = mb.Body("wagon", 5.0, unit**2)
+    wagon, rail = on_rail("wagon", 5.0, unit**2)
     along = np.diff(PINS, axis=0) * unit
     lengths, angles = np.hypot(*along.T), np.arctan2(along[:, 1], along[:, 0])
     bars = [mb.Body(f"bar{k}", m, m * a**2 / 12) for k, (m, a) in enumerate(zip(MASSES, lengths, strict=True))]
@@ -106,8 +105,7 @@ def five_bar(speed=0.0, unit=1.0, listed="bar0.omega", value=1.0):
     ends = [(bar.point(-a / 2, 0), bar.point(a / 2, 0)) for bar, a in zip(bars, lengths, strict=True)]
     pins = [mb.Revolute(f"pin{k + 1}", ends[k][1], ends[k + 1][0]) for k in range(3)]
     system = mb.System(
-        wagon, *bars, hanging,
-        mb.Prismatic("rail", GROUND.point(0, 0), wagon.point(0, 0), axis=(1, 0, 0)),
+        wagon, *bars, hanging, rail,
         mb.Revolute("pin0", wagon.point(0, 0), ends[0][0]), *pins,
         mb.Revolute("pin4", wagon.point(*(PINS[4] * unit)), ends[3][1]),
         mb.Revolute("hook", bars[2].point(0, 0), hanging.point(0, 0.3 * unit)),

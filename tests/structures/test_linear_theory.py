@@ -8,14 +8,11 @@ import numpy as np
 import pytest
 from faults import refused, warned
 from flexible_scenes import elastica, random_assembly
-from machines import run_of
+from machines import GROUND, run_of
 
 import symmb as mb
 
 STEEL = mb.Material(E=210e9, density=7850.0, nu=0.3)
-GROUND = mb.Ground()
-
-
 SECTION, FLAT = mb.Section.circle(0.004).without_shear(), mb.Section.rectangle(0.02, 0.01)
 
 
@@ -125,8 +122,7 @@ def test_wrong_deflections_and_frequencies_are_told(seed: int) -> None:
 def test_a_welded_beam_of_free_modes_has_frequencies_that_are_too_high(count: int, high: float) -> None:
     """The share that the doubt tells is that over the closed form of a cantilever."""
     mesh, EI = beam(section=FLAT.without_shear())
-    rod = mb.FlexibleBody("rod", mesh.modes(count=count, planar=True), mb.Planar())
-    scene = mb.Scene(mb.System(rod, mb.Weld("A", GROUND.point(0, 0), rod.point(0, 0))), times=[0.0, 1.0])
+    scene = welded(mesh.modes(count=count, planar=True), 0.0)
     lin = warned("'rod': its modes do not represent", mb.linearize, scene)
     exact = 1.8751040687**2 * np.sqrt(EI / STEEL.density / FLAT.area) / (2 * np.pi)
     assert lin.frequencies[0] / exact - 1 == pytest.approx(high, abs=2e-3)

@@ -6,6 +6,7 @@ import warnings
 import casadi as ca
 import numpy as np
 import pytest
+from black_boxes import quietly, reloaded
 from faults import refused, warned
 from scipy.optimize import curve_fit, least_squares, lsq_linear
 
@@ -112,8 +113,7 @@ def test_what_is_determined_beside_an_undetermined_pair_is_as_without_it(name, n
     share = np.array([1.0, k / m * 1.3 / 7.0])
     assert [m / 1.3, k / 7.0] == pytest.approx(share * share.sum() / (share @ share), rel=1e-4)  # foot of (1, 1)
     assert a == pytest.approx(exact.parameters["a"], rel=1e-6) and found.degrees == exact.degrees
-    found.save(tmp_path / name)
-    for one in (found, mb.Calibration.load(tmp_path / name)):
+    for one in (found, reloaded(found, tmp_path / name)):
         assert one.deviations == {"m": np.inf, "k": np.inf, "a": pytest.approx(exact.deviations["a"], rel=1e-4)}
         assert str(one) == str(found) and one.correlation[2, 2] == pytest.approx(1)
         for call in (lambda fit=one: fit.laws, one.box):
@@ -181,8 +181,7 @@ def test_what_is_no_noise_is_doubted(noise, tmp_path):
     outlier = "1 of 41 values of x are outliers: the value at t = 1.7 s is"
     found = warned(outlier, mb.calibrate, particle(), {"x": spoilt}, noise=given)
     assert len(found.doubts) == 1 and "warning" in str(found)
-    found.save(tmp_path / "a.npz")
-    assert mb.Calibration.load(tmp_path / "a.npz").doubts == found.doubts
+    assert reloaded(found, tmp_path / "a.npz").doubts == found.doubts
     why = "the given noise" if noise else "are correlated in time"
     warned(why, mb.calibrate, particle(), {"x": y + 0.1 * np.sin(3 * T)}, noise=given)
     little = "given noise" if noise else "explains little of x"
@@ -321,8 +320,7 @@ def test_priors_give_the_posterior_of_normal_distributions(seed, tmp_path):
     assert mb.calibrate(simulator, data, priors=priors).degrees == 39
     assert f"prior       c: {truth[2]:.6g} ± 0.02" in str(fit)
     for name in ("fit.json", "fit.npz"):
-        fit.save(tmp_path / name)
-        assert str(mb.Calibration.load(tmp_path / name)) == str(fit)
+        assert str(reloaded(fit, tmp_path / name)) == str(fit)
 
 
 def test_a_prior_determines_what_the_data_do_not():
@@ -351,9 +349,8 @@ def test_a_sensor_that_is_wrong_hardly_changes_robust_fits():
     simulator, data, _, truth, _ = line(5, sensors=3)
     data["y1"] = 1.3 * data["y1"]
     for noise in ({name: 0.05 for name in data}, None):
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            plain, fit = (mb.calibrate(simulator, data, noise=noise, robust=flag) for flag in (False, True))
+        own = {"noise": noise}
+        plain, fit = (quietly(mb.calibrate, simulator, data, robust=flag, **own) for flag in (False, True))
         off = [np.abs(np.subtract(list(each.parameters.values()), truth)).max() for each in (plain, fit)]
         assert off[1] < 0.05 and (noise is None or off[1] < off[0] / 2)
 

@@ -8,6 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
+from black_boxes import reloaded
 from faults import refused, warned
 from machines import ball
 from mechanisms import double_pendulum, double_pendulum_by_hand, explosion
@@ -149,8 +150,8 @@ def test_default_methods_suit_the_simulator_and_the_number_of_parameters():
 
 def test_the_first_run_that_fails_is_told():
     """v = 1 / (1 - a t) ends at t = 1/a."""
-    with pytest.warns(mb.SymmbWarning, match="Runs failed: 1 of the reference, 1 of Scanning"):
-        found = mb.compare(explosion(), [mb.Scanning(3)], mb.Box(a=(0.2, 0.6)), reference=mb.Scanning(5))
+    told, own = "Runs failed: 1 of the reference, 1 of Scanning", {"reference": mb.Scanning(5)}
+    found = warned(told, mb.compare, explosion(), [mb.Scanning(3)], mb.Box(a=(0.2, 0.6)), **own)
     told = " ".join(str(found).split())
     assert len(found.doubts) == found.rows[0].failed == 1
     assert "The first failed run of Scanning(3): t = 1.6" in told and "s, a = 0.6: the step became too short" in told
@@ -217,15 +218,11 @@ def test_outputs_with_an_uncertain_reference_are_told():
 # The reference: how fine, how uncertain, from which simulator
 
 
-def function(f, n_p=1):
-    return mb.FunctionSimulator(f, {f"p{i}": 1.0 for i in range(n_p)}, T, ["y"])
-
-
-PLAIN = function(lambda p0: p0 * T)
-
-
-def box_of(n_p=1):
-    return mb.Box(**{f"p{i}": (0.5, 1.5) for i in range(n_p)})
+def of_many(f, n_p):
+    """The reference of a function of parameters p0, p1, ..."""
+    names = [f"p{i}" for i in range(n_p)]
+    simulator = mb.FunctionSimulator(f, dict.fromkeys(names, 1.0), T, ["y"])
+    return find_reference(simulator, mb.Box(**dict.fromkeys(names, (0.5, 1.5))))
 
 
 @pytest.mark.parametrize("n_p", [1, 2, 3, 4, 5])
@@ -237,7 +234,7 @@ def test_nested_grids_of_about_two_thousand_runs(n_p):
 
 
 def test_a_linear_response_has_no_uncertainty():
-    found = find_reference(PLAIN, box_of())
+    found = find_reference(LINE, BOX)
     np.testing.assert_allclose([found.lower[:, 0], found.upper[:, 0]], [0.5 * T, 1.5 * T])
     assert found.uncertainty == pytest.approx([0.0], abs=1e-14)
     assert (found.method, found.evaluations, found.failed) == ("Scanning(2001)", 3002, 0)
@@ -246,18 +243,18 @@ def test_a_linear_response_has_no_uncertainty():
 
 def test_the_uncertainty_is_larger_than_the_true_error():
     """y = (p0 - p1 t)^2 has its minimum 0 inside the box, between grid points."""
-    found = find_reference(function(lambda p0, p1: (p0 - 0.77 * p1 * T) ** 2, 2), box_of(2))
+    found = of_many(lambda p0, p1: (p0 - 0.77 * p1 * T) ** 2, 2)
     lower = np.maximum(0.5 - 0.77 * 1.5 * T, 0.0) ** 2
     error = found.yardstick.deviation(lower[:, None], found.upper)
     assert 0.0 < error[0] <= found.uncertainty[0] < 1e-3
 
 
 def test_beyond_five_parameters_vertices_join_the_samples_up_to_ten():
-    found = find_reference(function(lambda **p: sum(p.values()) * (1.0 + T), 6), box_of(6))
+    found = of_many(lambda **p: sum(p.values()) * (1.0 + T), 6)
     np.testing.assert_allclose([found.lower[:, 0], found.upper[:, 0]], [3.0 * (1.0 + T), 9.0 * (1.0 + T)])
     assert found.method == "MonteCarlo(2048, sampler=Sobol()) with Vertex() with Optimization(budget=2000)"
     assert found.evaluations > 512 + 2048 + 64 and found.uncertainty[0] < 1e-9
-    many = find_reference(function(lambda **p: p["p0"] * (1.0 + T), 11), box_of(11))
+    many = of_many(lambda **p: p["p0"] * (1.0 + T), 11)
     assert "Vertex" not in many.method
     np.testing.assert_allclose(many.upper[:, 0], 1.5 * (1.0 + T))
 
@@ -269,9 +266,9 @@ def given(names=("y",), t=T, estimate=None):
 
 def test_given_methods_and_bounds_are_used_as_they_are():
     """Bounds state their own uncertainty."""
-    found = find_reference(PLAIN, box_of(), mb.Vertex())
+    found = find_reference(LINE, BOX, mb.Vertex())
     assert (found.method, found.evaluations) == ("Vertex()", 2) and np.isnan(found.uncertainty).all()
-    found = find_reference(PLAIN, box_of(), given(estimate=np.full((11, 1), 0.02)))
+    found = find_reference(LINE, BOX, given(estimate=np.full((11, 1), 0.02)))
     assert found.uncertainty == pytest.approx([0.01])
     assert (found.method, found.evaluations, found.seconds) == ("by hand", 7, None)
 
@@ -285,7 +282,7 @@ def test_given_methods_and_bounds_are_used_as_they_are():
     ids=["names", "number", "times"],
 )  # fmt: skip
 def test_given_bounds_must_fit(bounds, words):
-    refused(words, find_reference, PLAIN, box_of(), bounds, error=mb.PropagationError)
+    refused(words, find_reference, LINE, BOX, bounds, error=mb.PropagationError)
 
 
 # Proved bounds
@@ -330,8 +327,7 @@ def test_the_reference_is_proved_to_be_near_the_true_bounds(tmp_path):
     assert reference.uncertainty[0] == reference.proved[0]  # a scan alone does not know it
     assert "proved by TaylorModel(order=6): the reference misses the true bounds by at most" in str(found)
     assert not found.doubts
-    found.save(tmp_path / "found.json")
-    read = type(found).load(tmp_path / "found.json").reference
+    read = reloaded(found, tmp_path / "found.json").reference
     assert read.proved_by == reference.proved_by and (read.proved == reference.proved).all()
 
 

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from black_boxes import reloaded
 
 from symmb import Box, Comparison
 from symmb.study.metrics import Yardstick
@@ -56,8 +57,7 @@ def test_json_has_the_documented_layout():
 
 def test_what_is_saved_is_what_is_loaded_and_drawn(tmp_path):
     saved = comparison()
-    saved.save(tmp_path / "c.json")
-    loaded = Comparison.load(tmp_path / "c.json")
+    loaded = reloaded(saved, tmp_path / "c.json")
     assert loaded.to_json() == saved.to_json()
     assert loaded.rows[1].score.outer_error == pytest.approx(saved.rows[1].score.outer_error)
     assert loaded.not_run == saved.not_run

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from black_boxes import reloaded
 from faults import refused, warned
 from machines import ball
 from scipy.optimize import linprog
@@ -118,5 +119,4 @@ def test_what_has_no_set_is_refused(tmp_path):
     simulator = mb.FunctionSimulator(lambda a, b: np.log(a) * T + b, {"a": 1.0, "b": 1.0}, T, ["y"])
     rough = mb.calibrate(simulator, {"y": np.log(0.3) * T + 0.7})
     refused("Give a smaller error", rough.consistent, 2.0, error=mb.SimulationError)
-    fit.save(tmp_path / "fit.json")
-    refused("Call calibrate again", mb.Calibration.load(tmp_path / "fit.json").consistent, 0.1)
+    refused("Call calibrate again", reloaded(fit, tmp_path / "fit.json").consistent, 0.1)

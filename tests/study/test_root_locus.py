@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from black_boxes import reloaded
 from faults import refused
 from machines import spring_mass
 from matplotlib.figure import Figure
@@ -62,8 +63,7 @@ def test_pictures_and_files(tmp_path):
     axes = Figure().subplots(1, 2)
     assert locus.plot(ax=list(axes)) is axes[0].figure and axes[1].get_ylabel() == "frequency [Hz]"
     refused("there are three diagrams, got 4 axes", locus.plot, ax=list(Figure().subplots(1, 4)))
-    locus.save(tmp_path / "locus.json")
-    mb.RootLocus.load(tmp_path / "locus.json").plot()
+    reloaded(locus, tmp_path / "locus.json").plot()
     refused(r"does not hold a result of Linearization.save", mb.Linearization.load, tmp_path / "locus.json")
 
 

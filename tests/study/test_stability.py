@@ -9,6 +9,7 @@ from functools import partial
 import casadi as ca
 import numpy as np
 import pytest
+from black_boxes import reloaded
 from faults import refused
 from mechanisms import double_pendulum, double_pendulum_by_hand, explosion
 from scipy.integrate import solve_ivp
@@ -71,8 +72,7 @@ def test_what_was_found_is_told_saved_and_drawn(found, tmp_path):
 
 def require_saved_and_drawn(found, folder):
     for name in ("found.json", "found.npz"):
-        found.save(folder / name)
-        assert str(mb.Stability.load(folder / name)) == str(found)
+        assert str(reloaded(found, folder / name)) == str(found)
     found.plot(folder / "found.png")
     assert (folder / "found.png").stat().st_size > 10_000
 
@@ -153,9 +153,7 @@ def test_another_time_scale_is_that_of_laws_start_velocities_and_gravity():
 def test_a_time_scale_is_stressed_where_something_sets_it(found):
     assert {"time scale x 0.1", "time scale x 10"} <= {t.scene for t in found.stress}
     assert "time scale x 0.1" in str(found) and "time scale x 10" in json.dumps(found.to_json())
-    bead = mb.Body("bead", 1.0, pose=mb.Particle())
-    spring = mb.Spring("spring", mb.Ground().point(0, 0), bead.point(0, 0), 1.0, 0.0)
-    names = {name for name, _ in stresses(mb.Scene(mb.System(bead, spring), {"bead.x": 1.0}, [0.0, 1.0]))}
+    names = {name for name, _ in stresses(sprung(1.0, times=[0.0, 1.0]))}
     assert names == {"stiffness x 100", "stiffness x 10000", "horizon x 10", "horizon x 100"}
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import scipy.stats as st
+from black_boxes import black_box, black_box_bounds, reloaded
 from faults import refused
 from scipy.integrate import quad
 
@@ -15,16 +16,6 @@ TOLERANCE = np.array([0.10, 0.05, 0.03, 0.05])
 
 SUM = lambda a, b: [[a + b]]  # noqa: E731
 PAIR = {"a": (0.9, 1.1), "b": (1.95, 2.05)}
-
-
-def function(f, outputs="y", **box) -> tuple[mb.FunctionSimulator, mb.Box]:
-    """A function with nominal values in the middle of a box."""
-    return mb.FunctionSimulator(f, {n: sum(ends) / 2 for n, ends in box.items()}, [0.0], outputs.split()), mb.Box(**box)
-
-
-def bounded(f, outputs="y", **box) -> mb.Bounds:
-    simulator, box = function(f, outputs, **box)
-    return mb.propagate(simulator, mb.PolynomialChaos(), box)
 
 
 def gap() -> mb.FunctionSimulator:
@@ -64,13 +55,13 @@ def test_normal_distributions_that_are_not_cut(allowed):
 @pytest.mark.parametrize("share", [0.6, 0.72, 0.85])
 def test_rejects_of_two_lengths_by_quadrature(share):
     exact = sum_of_two(0.1, 0.05, 0.15 * share)
-    p, error = bounded(SUM, **PAIR).statistical({"y": (3 - 0.15 * share, 3 + 0.15 * share)}).total
+    p, error = black_box_bounds(SUM, **PAIR).statistical({"y": (3 - 0.15 * share, 3 + 0.15 * share)}).total
     assert p == pytest.approx(exact, abs=error) and error < 0.15 * exact
 
 
 def test_a_violation_of_any_limit_is_one_reject():
     """Two limits of y and of 2 y reject the same mechanisms; those of y and z, which is independent, are added."""
-    bounds = bounded(lambda a, b: [[a, 2 * a, b]], "y double z", a=(0.9, 1.1), b=(0.9, 1.1))
+    bounds = black_box_bounds(lambda a, b: [[a, 2 * a, b]], outputs="y double z", a=(0.9, 1.1), b=(0.9, 1.1))
     one = st.truncnorm(-3, 3).sf(1.8)
     same = bounds.statistical({"y": (None, 1.06), "double": (None, 2.12)})
     assert same.rejects == pytest.approx([one, one], rel=0.1) and same.total[0] == pytest.approx(one, rel=0.1)
@@ -81,7 +72,7 @@ def test_a_violation_of_any_limit_is_one_reject():
 
 @pytest.mark.parametrize("yield_", [0.9, 0.9973, 0.99999])
 def test_largest_tolerances_with_a_yield(yield_):
-    chain, box = function(SUM, **PAIR)
+    chain, box = black_box(SUM, **PAIR)
     found = mb.tolerances(chain, {"y": (2.9, 3.1)}, box, yield_=yield_)
     exact = sum_of_two(0.1 * found.factor, 0.05 * found.factor, 0.1)
     assert 0.8 * (1 - yield_) < exact < 1 - yield_
@@ -91,10 +82,9 @@ def test_largest_tolerances_with_a_yield(yield_):
 
 @pytest.mark.parametrize("end", ["npz", "json"])
 def test_statistics_are_saved(tmp_path, end):
-    chain, box = function(lambda a, b: [[a + b, a]], "y a", **PAIR)
+    chain, box = black_box(lambda a, b: [[a + b, a]], outputs="y a", **PAIR)
     found = mb.tolerances(chain, {"y": (2.9, 3.1), "a": (None, 1.5)}, box, yield_=0.9)
-    found.save(tmp_path / f"own.{end}")
-    again = mb.Tolerances.load(tmp_path / f"own.{end}").statistics
+    again = reloaded(found, tmp_path / f"own.{end}").statistics
     assert str(again) == str(found.statistics) and again.yield_ == found.statistics.yield_
 
 
@@ -108,7 +98,7 @@ def test_cheapest_tolerances_with_a_yield():
 
 
 def test_own_distributions_are_stretched():
-    chain, box = function(SUM, a=(0.9, 1.1), b=(1.9, 2.1))
+    chain, box = black_box(SUM, a=(0.9, 1.1), b=(1.9, 2.1))
     laws = {"a": st.uniform(0.9, 0.2), "b": st.uniform(1.9, 0.2)}
     found = mb.tolerances(chain, {"y": (2.7, 3.3)}, box, yield_=0.99, laws=laws)
     # P(|X + Y| > w) of two uniform numbers in [-h, h] is (1 - w / (2 h))^2.
@@ -136,7 +126,7 @@ def test_a_slider_crank_against_monte_carlo():
 
 def test_a_stop_makes_cpk_useless_but_not_the_rejects():
     """The output is 0.1 a, and 2 higher behind the stop; Cpk would mean a fifth of the mechanisms."""
-    bounds = bounded(lambda a, b: [[np.where(a + b > 3.02, 1.0, -1.0) + 0.1 * a]], a=(0.9, 1.1), b=(1.9, 2.1))
+    bounds = black_box_bounds(lambda a, b: [[np.where(a + b > 3.02, 1.0, -1.0) + 0.1 * a]], a=(0.9, 1.1), b=(1.9, 2.1))
     found = bounds.statistical({"y": (None, 0.5)})
     x = st.truncnorm(-3, 3, 0, 0.1 / 3)
     exact = quad(lambda v: x.pdf(v) * x.sf(0.02 - v), -0.1, 0.1)[0]
@@ -154,7 +144,8 @@ def test_a_stop_makes_cpk_useless_but_not_the_rejects():
 )  # fmt: skip
 def test_uncertain_mean_and_deviation_against_a_double_loop(f, quantile):
     """A monotonic function of a normal number with mean and standard deviation in intervals: a p-box."""
-    bounds = bounded(lambda **p: [[f(p["mean"] + p["sigma"] * p["z"])]], mean=(-0.1, 0.1), sigma=(0.1, 0.2), z=(-4, 4))
+    law = lambda mean, sigma, z: f(mean + sigma * z)  # noqa: E731
+    bounds = black_box_bounds(law, mean=(-0.1, 0.1), sigma=(0.1, 0.2), z=(-4, 4))
     found = bounds.quantiles("y", quantile, {"z": st.norm()})
     z = st.norm.rvs(size=20_000, random_state=1)
     loop = [np.quantile(f(m + s * z), quantile) for m in np.linspace(-0.1, 0.1, 11) for s in np.linspace(0.1, 0.2, 11)]
@@ -166,6 +157,6 @@ def test_uncertain_mean_and_deviation_against_a_double_loop(f, quantile):
 def test_outputs_that_are_constant_and_yields_that_are_none():
     for wrong in (0, 1, 1.2, "much", float("nan")):
         refused("above 0 and below 1", mb.tolerances, gap(), {"gap": (2.8, 3.2)}, box_of(), yield_=wrong)
-    bounds = bounded(lambda a: [[a, 3.0]], "y constant", a=(0.9, 1.1))
+    bounds = black_box_bounds(lambda a: [[a, 3.0]], outputs="y constant", a=(0.9, 1.1))
     assert bounds.statistical({"constant": (2, None)}).total == (0.0, 0.0)
     assert bounds.statistical({"constant": (4, None)}).total[0] == 1

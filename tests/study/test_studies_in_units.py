@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from black_boxes import reloaded
 from faults import refused
 from machines import ball, spring_mass
 
@@ -93,8 +94,7 @@ def test_contributions_worst_cases_and_limits(both, tmp_path):
         one, other = (check[name] for check in checks)
         assert one.kept == other.kept and one.margin == pytest.approx(other.margin * FACTORS[name], rel=1e-6)
     for path in (tmp_path / "bounds.json", tmp_path / "bounds.npz"):
-        own.save(path)
-        again = mb.Bounds.load(path)
+        again = reloaded(own, path)
         assert again.box == own.box and again.units == own.units
         assert str(again.worst("tip")) == str(own.worst("tip"))
         assert again.check({"tip": ("-0.2 m", None)})["tip"].low == -200
@@ -113,8 +113,7 @@ def test_calibration(both, tmp_path):
     assert own.box().units == ("mm", "N/mm") and "arm [mm]" in str(own)
     assert "tip [mm]: 0.1\n" in str(own) and "tip: 0.0001\n" in str(si)
     assert [fit.plot().axes[0].get_title(loc="left") for fit in (own, si)] == ["tip [mm]", "tip"]
-    own.save(tmp_path / "fit.json")
-    again = mb.Calibration.load(tmp_path / "fit.json")
+    again = reloaded(own, tmp_path / "fit.json")
     assert again.box() == own.box() and str(again) == str(own)
 
 
@@ -225,8 +224,7 @@ def test_tables_in_files_hold_units(tmp_path, seed):
     drawn = rng.choice(["mm", "N/mm", "", "deg", "m/s^2", "°"], len(names)).tolist()
     for units in (tuple(drawn), ("m",) * len(names), ()):
         bounds = mb.Bounds(t, names, *ends, "sampled", "Vertex()", 4, units=units)
-        bounds.save(tmp_path / "bounds.csv")
-        again = mb.Bounds.load(tmp_path / "bounds.csv")
+        again = reloaded(bounds, tmp_path / "bounds.csv")
         has_units = any(unit not in ("", "m", "m/s^2") for unit in units)
         assert again.names == names and again.units == (units if has_units else ())
         np.testing.assert_array_equal(again.upper, bounds.upper)
@@ -237,8 +235,7 @@ def test_tables_in_files_hold_units(tmp_path, seed):
     p = mb.Parameters(length=(250, "mm"))
     outputs = dict.fromkeys(names, p.length) | {"own": (p.length, "cm")}
     run = mb.simulate(mb.Scene(mb.System(parameters=p), outputs=outputs))
-    run.save(tmp_path / "run.csv")
-    again = mb.Trajectory.load(tmp_path / "run.csv")
+    again = reloaded(run, tmp_path / "run.csv")
     assert again.names == run.names and again.units == run.units == ("m",) * len(names) + ("cm",)
     np.testing.assert_array_equal(again.values, run.values)
 

@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from conftest import ALL_SOLVERS
+from machines import free_body
 from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 from small_scenes import particle
@@ -97,9 +98,8 @@ INERTIA = (1.0, 2.0, 3.0)
 
 def spinning(omega, end):
     """A free body that spins about its middle axis."""
-    body = mb.Body("body", 1.0, INERTIA, mb.Spatial())
-    outputs = {"wx": body.omega[0], "wy": body.omega[1]}
-    return mb.Scene(mb.System(body), {"body.omega": omega}, np.linspace(0, end, 201), outputs)
+    outputs = lambda m: {"wx": m.top.omega[0], "wy": m.top.omega[1]}  # noqa: E731
+    return free_body(inertia=INERTIA).scene(outputs, np.linspace(0, end, 201), {"top.omega": omega})
 
 
 def euler(omega, times):

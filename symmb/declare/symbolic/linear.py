@@ -140,7 +140,7 @@ def _row_sizes(squares: ca.SX, usual: ca.SX | None) -> ca.SX:
     shares = ca.SX.ones(squares.numel()) if usual is None else usual**2
     # Rows that vanish temporarily are scaled by their usual size. Dependent rows are dependent only up to the drift of
     # a run, and a division by smaller sizes would amplify this drift. Bennett's linkage needs 1e-4: with 1e-6 its drift
-    # is larger by a factor of a thousand. tests/start/test_overconstrained.py
+    # is larger by a factor of a thousand. tests/start/test_redundancy.py
     return ca.sqrt(squares + SMALL * ca.sum1(squares) * shares / ca.sum1(shares))
 
 
