@@ -30,7 +30,7 @@ KEPT = {
         "tests/prove/test_proved_switches.py::test_a_law_of_time_that_parameters_move",
         "tests/exchange/test_fmu_export.py::test_an_fmu_is_bounded_as_its_scene",
         "tests/report/test_report.py::test_comparisons",
-        "tests/report/test_report.py::test_the_command_line_asks_for_contributions_once",
+        "tests/report/test_report.py::test_the_command_line",
     },
     "long": set[str](),
 }
