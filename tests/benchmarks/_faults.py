@@ -202,7 +202,7 @@ FAULTS = (
         "symmb/run/simulation/run_doubts.py",
         "*_gap_doubts(runs, solver),",
         "",
-        "simulation events verification",
+        "integrate simulation events verification",
     ),
     Fault(
         "energy",

@@ -172,9 +172,9 @@ def test_the_default_box_is_told():
 
 
 def test_bounds_outside_of_the_runs_have_a_warning():
-    with pytest.warns(mb.SymmbWarning, match="p0 from -.* to .*, but the bounds are for p0 from -1 to 1.5"):
+    with pytest.warns(mb.SymmbWarning, match="p0 from -.* to .*, but the bounds are for p0 from -1 to 1.5") as told:
         bounds = mb.propagate(SQUARE, box=mb.Box(p0=(-1, 1.5), p1=(-1, 1)))
-    assert bounds.check({"y": (None, 100.0)}).kept is None
+    assert bounds.check({"y": (None, 100.0)}).kept is None and {each.filename for each in told} == {__file__}
 
 
 AXES = np.vstack([np.zeros(4), *[size * e for e in np.eye(4) for size in (-1, -0.5, 0.5, 1)]])

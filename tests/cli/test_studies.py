@@ -354,6 +354,7 @@ def test_uncertain_names_parameters_of_any_scene(tmp_path, capsys):
         ("compare pendulum.urdf --methods vertex --spread 5%", "Name the parameters by --uncertain"),
         ("compare pendulum.urdf --methods vertex --spread 5% --uncertain rod.mas", "Did you mean 'rod.mass'"),
         ("compare pendulum.urdf --methods vertex --spread 5% --uncertain hinge.origin.x", "'hinge_origin_x' is 0"),
+        ("simulate pendulum.urdf --set rod.mass=4 rod_mass=4", "parameters with equal names. Rename a link or joint"),
         ("linearize oscillators.py --set q=1", "No parameter 'q'"),
         ("linearize oscillators.py --set k", "--set takes name=number"),
         ("linearize oscillators.py --time 0.5", "one of the run's 2 output times, 0 to 1 s, got 0.5"),

@@ -1,5 +1,6 @@
 """Drawings, stills and films without a browser."""
 
+import json
 import shutil
 from io import BytesIO
 
@@ -13,6 +14,10 @@ import symmb as mb
 from models import double_pendulum, flexible_pendulum, spherical_pendulum
 from symmb.show.drawing import draw, of_run, start_picture, still
 from symmb.show.drawing.bodies import mesh_edges
+from symmb.show.drawing.exhibit import Exhibit, Ghost
+from symmb.show.drawing.outlines import Painter
+from symmb.show.drawing.page import page
+from symmb.show.drawing.shapes import Drawing, FramePoint, MovingFrame, Shape
 
 SIGNATURES = {".png": b"\x89PNG", ".svg": b"<?xml", ".html": b"<!DOCTYPE html>"}
 
@@ -89,6 +94,20 @@ def test_a_run_without_a_scene(tmp_path):
     mb.simulate(spherical_pendulum.scene(), times=[0.0, 0.1]).save(run)
     refused("has no scene", mb.view, mb.Trajectory.load(run), page)
     mb.view(mb.Trajectory.load(run, spherical_pendulum.scene()), page)
+
+
+def test_arrows_turn_and_pages_have_the_runs_of_bounds():
+    tips = np.array([[1.0, 0, 0], [0, 2, 0]])
+    arrow = Shape("arrow", "push", "Force", "force", (0,), (0.01,), tips)
+    fixed = (MovingFrame("ground", np.eye(3, 4)[None]),), (FramePoint(0, np.zeros(3)),)
+    view = np.eye(3), True, np.eye(3)[1], 1.0, 0.1, np.zeros(3)
+    drawing = Drawing("push", np.arange(2), *fixed, (arrow,), *view, (), np.zeros((2, 0)))
+    for k, tip in enumerate(tips):
+        points = np.vstack([outline.points for outline in Painter(drawing, k, np.eye(3)).outlines()])
+        assert np.abs(points - tip[:2]).max(axis=1).min() < 1e-12
+    text = page(Exhibit(drawing, tuple(Ghost(name, "red", drawing) for name in ("lowest", "highest"))))
+    runs = json.loads(text.partition('id="drawing">')[2].partition("</script>")[0])["runs"]
+    assert [(run["label"], run["tint"]) for run in runs] == [("nominal", ""), ("lowest", "red"), ("highest", "red")]
 
 
 def test_what_has_no_place_is_named():

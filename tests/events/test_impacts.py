@@ -18,6 +18,7 @@ from scipy.integrate import solve_ivp
 import symmb as mb
 from models import bouncing_ball
 from symmb.connect.simulator import run_blocks
+from symmb.run.events import event_doubts
 
 G = 9.81
 KNOWN = problems.read("bouncing_ball")
@@ -53,6 +54,11 @@ def test_times_speeds_and_apexes_of_a_bouncing_ball(e):
     assert_allclose([after, before], [known[:, 1], known[:, 1] / float(e)], rtol=1e-9)
     assert_allclose(run["y"][2:], known[:, 2], rtol=1e-8)
     assert run.energy_drift < 1e-10
+
+
+def test_impacts_of_one_instant_are_told_if_their_order_matters():
+    events = [mb.Event(2.5, name, "impact", -1.0, 0.5, -0.1, name != "c", (3.0,)) for name in "cab"]
+    assert "impacts of 'a', 'b' at t = 2.5 s are simultaneous" in event_doubts(events)[0]
 
 
 def test_bouncing_ends_in_a_contact_that_stays_closed():

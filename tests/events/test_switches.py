@@ -113,6 +113,10 @@ def test_drives_that_break_are_told_by_all_who_integrate_accelerations(law, text
     np.testing.assert_allclose(keeps["x"], keeps(law), atol=1e-9)
 
 
+def test_a_drive_whose_position_jumps_is_refused():
+    refused("positions that jump at t = 1.3 s", mb.DAESimulator, led_by(ca.if_else(mb.t > 1.3, 0.1, 0.0)), mb.CVODES())
+
+
 @pytest.mark.parametrize(
     "law", [ca.if_else(mb.t > 1, (mb.t - 1) ** 2, 0), ca.sin(1e3 * mb.t), ca.tanh((mb.t - 1) / 1e-6), 0.5 * mb.t**2]
 )

@@ -153,6 +153,8 @@ def test_sources_build_elsewhere(version, tmp_path):
 def test_an_fmu_is_bounded_as_its_scene(tmp_path):
     scene, box, path = pendulum(), mb.Box(length=(0.9, 1.1), drive=(0.4, 0.6)), tmp_path / "pendulum.fmu"
     mb.save_fmu(scene, path)
+    powers = {unit.name: unit.baseUnit for unit in fmpy.read_model_description(path).unitDefinitions}
+    assert [powers["rad/s"].s, powers["rad/s"].rad, powers["m"].m] == [-1, 1, 1]
     simulator = mb.FMUSimulator(path, {"length": 1.0, "drive": 0.5}, times=scene.times, outputs=[*scene.outputs])
     method = mb.PolynomialChaos(order=4)
     of_fmu, of_scene = mb.propagate(simulator, method, box), mb.propagate(scene, method, box)

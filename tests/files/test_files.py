@@ -187,7 +187,8 @@ def test_nonsense_is_refused(tmp_path, entry):
 @pytest.mark.parametrize("kind", RESULTS)
 def test_another_suffix_is_the_same_error_everywhere(tmp_path, kind):
     for action in (result_of(kind).save, getattr(mb, kind).load):
-        refused(r"must end in \.npz or \.json.* here, got '.*\.txt'", action, tmp_path / "result.txt")
+        long = tmp_path / f"{'result' * 250}.txt"  # of which the begin and the end are told
+        refused(r"^The .* must end in \.npz or \.json.* here, got '.* \.\.\. .*\.txt'\.$", action, long)
     if hasattr(result_of(kind), "plot"):
         refused(r"file must end in \.png or .* got '.*\.qqq'", result_of(kind).plot, tmp_path / "picture.qqq")
     assert not list(tmp_path.iterdir())

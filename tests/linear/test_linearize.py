@@ -241,7 +241,9 @@ def test_a_body_that_spins_freely():
 
 def test_repeated_eigenvalues_keep_their_modes():
     law = lambda m: tuple(-m.p.k * getattr(m.ball, c) - 0.4 * getattr(m.ball, f"v{c}") for c in "xyz")  # noqa: E731
-    lin = mb.linearize(ball(lambda m: mb.Force("law", m.at, law(m)), g=None, k=9.0).scene())
+    scene = ball(lambda m: mb.Force("law", m.at, law(m)), g=None, k=9.0).scene(start={"ball.x": 0.5})
+    lin = mb.linearize(scene, inputs=["k", "mass"])
+    np.testing.assert_allclose(lin.B[lin.states.index("ball.vx")], [-0.5, 4.5])  # of -k x / mass
     assert 2 * np.pi * lin.frequencies == pytest.approx([3.0, 3.0, 3.0], rel=1e-9)
     shapes = np.array([[abs(amplitude) for amplitude in mode.shape.values()] for mode in lin.modes])
     assert np.linalg.matrix_rank(shapes) == 3

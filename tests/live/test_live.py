@@ -1,7 +1,10 @@
 """The worker of live pages: its runs, bounds and drawings are those of Python, and the last change wins."""
 
 import json
+import shutil
+import subprocess
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -10,11 +13,12 @@ import pytest
 from browser import COMPILED, NEEDED, Browser, browser_of_a_module
 from faults import refused
 from problems import model as shipped
+from small_scenes import state
 
 import symmb as mb
 from symmb.run.codegen import NoCompilerError
 from symmb.show.cli.main import main
-from symmb.show.drawing import surveyed
+from symmb.show.drawing import Page, surveyed
 from symmb.show.live.wasm import levels
 
 seen = lambda test: NEEDED(COMPILED(test))  # noqa: E731
@@ -354,16 +358,54 @@ def test_copied_python_is_complete(browser, tmp_path, monkeypatch, given):
     assert bounds.box.names == ("l1", "m1") and bounds.box.percents == {"l1"} and limit.high == 3.05
 
 
+def _data(page: Page | None) -> dict[str, Any]:
+    assert page is not None
+    return json.loads(page.text.partition('id="drawing">')[2].partition("</script>")[0])["live"]
+
+
 @COMPILED
 def test_outputs_without_polynomials_are_left_out():
     bounds = mb.propagate(growth(), mb.PolynomialChaos(order=2), mb.Box(k=(0.5, 0.9), offset=(0.5, 0.5)))
     assert bounds.surrogate is not None
     error = bounds.surrogate.error + [0.0, np.inf]
-    page = replace(bounds, surrogate=replace(bounds.surrogate, error=error)).live()
-    assert page is not None
-    data = json.loads(page.text.partition('id="drawing">')[2].partition("</script>")[0])["live"]
+    data = _data(replace(bounds, surrogate=replace(bounds.surrogate, error=error)).live())
     assert [own["name"] for key in ("outputs", "parameters") for own in data[key]] == ["x [m]", "k"]
     assert data["note"].endswith("There are no polynomials for y.")
+
+
+def test_first_values_are_the_middle_of_the_box(monkeypatch):
+    """The run is that of a solver that compiles nothing."""
+    own = import_module("symmb.show.live.live")
+    monkeypatch.setattr(own, "module", lambda *_: b"")
+    monkeypatch.setattr(own, "simulate", lambda motion: mb.simulate(motion.scene, mb.CVODES()))
+    scene = state(lambda p, z: -p.k * z, [0.0], 2.0, k=(1.0, 3.0)).with_box(mb.Box(k=(2.0, 4.0)))
+    (k,) = _data(mb.live(mb.DAESimulator(scene, mb.DormandPrince())))["parameters"]
+    assert (k["value"], k["tolerance"]) == (3.0, 1.0)
+
+
+NO_BROWSER = """
+const told = [], fake = new Proxy(function () {}, { apply: () => fake, construct: () => fake,
+  get: (_, key) => key === Symbol.iterator ? function* () {} : key === Symbol.toPrimitive ? () => "" : fake,
+  set: (_, key, value) => { if (key === "textContent") told.push(value); return true; } });
+const outputs = [{ name: "x", unit: "m" }], limits = [{ output: 0, low: null, high: 1 }];
+const worker = { postMessage() {} }, Worker = function () { return worker; };
+const live = { n_t: 2, n_y: 1, n_out: 2, times: [0, 3], limits, outputs, parameters: [], columns: [], pictures: [] };
+const known = { page: { live, palette: [], runs: [] }, short: String, Blob: fake, URL: fake, Worker };
+const scope = new Proxy(known, { has: (_, key) => key in known || !(key in globalThis),
+  get: (_, key) => key === Symbol.unscopables ? undefined : known[key] ?? fake });
+new Function("scope", `with (scope) (() => { ${require("fs").readFileSync(0)} })()`)(scope);
+worker.onmessage({ data: { kind: "run", rows: [0, 9, 2, 9] } });
+worker.onmessage({ data: { kind: "bounds", done: true, runs: 1, lower: [], limits: [{ parameters: [] }] } });
+console.log(told.join());
+"""
+"""What a panel says of a run of x = 0 and 2 m, beside numbers 9 of its drawing, if x has to be below 1 m."""
+
+
+@pytest.mark.skipif(shutil.which("node") is None, reason="needs node")
+def test_verdicts_are_those_of_outputs():
+    script = (Path(mb.__file__).parent / "show" / "live" / "live.js").read_bytes()
+    said = subprocess.run(["node", "-e", NO_BROWSER], input=script, capture_output=True, check=True).stdout
+    assert "violated: exceeded by 1\u00a0m at 3\u00a0s" in said.decode()
 
 
 def test_refusals(monkeypatch):

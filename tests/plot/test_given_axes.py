@@ -10,7 +10,7 @@ import pytest
 from faults import refused
 from machines import spring_mass
 from matplotlib import rcParams
-from matplotlib.colors import to_hex
+from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 
 import symmb as mb
@@ -302,6 +302,9 @@ def test_lines_of_contributions_are_the_widths_of_each_parameter():
     np.testing.assert_array_equal(whole.get_ydata(), contributions.width[:, k])
     assert [line.get_label() for line in alone] == ["stiffness"]
     np.testing.assert_array_equal(alone[0].get_ydata(), contributions.alone[:, k, 0])
+    first, second = contributions.plot(outputs="x", time=1.0).axes[0].patches
+    heights = [contributions.alone[-1, k, 0], contributions.saved[-1, k, 0]]
+    assert [first.get_height(), second.get_height()] == heights and first.get_x() + first.get_width() < second.get_x()
     own = Figure().subplots()
     contributions.plot(outputs="x", ax=own)
     assert len(own.lines) == 2 and own.get_ylabel() == "width of x [m]"
@@ -497,6 +500,12 @@ def test_lines_of_many_parameters_differ_in_colour_or_dashes():
     lines = figure.axes[0].lines
     assert len({(line.get_color(), str(line._dash_pattern)) for line in lines}) == len(lines) == 21
     plot.png(figure)
+
+
+def test_colours_of_many_curves_differ_from_those_beside_them_and_the_legend_names_three():
+    figure = plot.plot_family(T, np.zeros((9, 5, 1)), ["y"], [*"abcdefghi"])
+    drawn = np.array([to_rgb(line.get_color()) for line in figure.axes[0].lines])
+    assert np.abs(np.diff(drawn, axis=0)).max(axis=1).min() > 0.05 and legend_of(figure) == ["a", "e", "i"]
 
 
 def test_legends_tell_of_curves_that_can_be_seen():

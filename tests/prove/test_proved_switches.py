@@ -11,6 +11,7 @@ from mechanisms import exact
 from scipy.interpolate import PchipInterpolator
 
 import symmb as mb
+from symmb.prove.problem import Phase
 
 TIMES = np.linspace(0.0, 1.0, 21)
 
@@ -146,6 +147,11 @@ def test_motions_that_begin_on_switches_and_leave_them(law, v, a):
         np.testing.assert_allclose(own[:, :2], extreme(runs, axis=0), atol=1e-12)
     known = np.sort([[a(0.9)], [a(1.1)]], axis=0)
     np.testing.assert_allclose([bounds.lower[1:, 2], bounds.upper[1:, 2]], known + 0 * times[1:])
+
+
+def test_a_proof_that_ends_at_a_switch_tells_when():
+    phase = Phase(*[ca.Function()] * 3, np.ones(1), ("m.x",), "jumps", begin=2.0)
+    assert "jumps at t = 2.25 s" in phase.sentence(0, 0.25, "")
 
 
 def test_a_motion_that_sticks_at_the_start_is_not_proved():

@@ -254,7 +254,7 @@ def test_comparisons(tmp_path):
 @pytest.mark.parametrize(
     ("path", "limits", "why"),
     [
-        ("r.pdf", None, r"must end in \.html"),
+        *((name, None, r"must end in \.html") for name in ("r.pdf", "r")),
         (3, None, "must be a text or a Path"),
         ("none/r.html", None, "cannot be written"),
         ("r.html", {"q": (0, 1)}, "no output 'q'"),
@@ -329,7 +329,7 @@ def test_the_command_line(tmp_path, monkeypatch, capsys):
     text = text_of(tmp_path / "my report.html")
     assert asked == [1] and "Contributions to the bounds by PolynomialChaos()" in text
     assert "Limits by PolynomialChaos(): satisfied" in text and "Bounds of roll" in text
-    assert "symmb bound roll.py --limit x=:2.3 --report 'my report.html'" in text
+    assert "symmb bound roll.py --limit x=:2.3 --report 'my report.html'" in text and "outputs are left out" not in text
     assert main(["bound", "roll.py", "--report", "r.pdf"]) == 2 and "must end in .html" in capsys.readouterr().err
     block = ["--title-block", "author=A. Miller", "drawing=D=17"]
     assert main(["bound", "roll.py", "--report", "r.html", *block]) == 0

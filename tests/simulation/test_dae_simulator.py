@@ -94,6 +94,7 @@ def test_simulators_pickle(solver):
     simulator = mb.DAESimulator(pendulum(), solver)
     copy = pickle.loads(pickle.dumps(simulator))
     assert_array_equal(copy.run(SAMPLES[:3]).Y, simulator.run(SAMPLES[:3]).Y)
+    assert copy.run([[-1.0, 0.8]]).messages == ("t = 0 s, l1 = -1, l2 = 0.8: Body 'rod1': mass is -1, not positive",)
     assert repr(copy) == f"DAESimulator('double pendulum', {solver!r})"
     assert (copy.parameters, copy.outputs) == ({"l1": 1.0, "l2": 0.8}, ("theta1", "theta2", "omega1", "omega2"))
 

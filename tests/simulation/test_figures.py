@@ -149,6 +149,7 @@ def test_a_condition_that_never_holds_is_doubted_in_a_run_and_fails_it_in_a_stud
         (lambda ball: {"f": mb.maximum(None)}, "maximum: the expression is missing"),
         (lambda ball: {"f": mb.maximum(mb.mean(ball.y))}, "got a scalar output"),
         (lambda ball: {"f": mb.maximum(ball.y, window=(0.0, 5.0))}, "0 to 5 s is not inside the run from 0 to 1 s"),
+        (lambda ball: {"f": mb.maximum(ball.y, window=(-1, 1))}, "-1 to 1 s is not inside the run from 0 to 1 s"),
         (lambda ball: {"f": mb.maximum(ball.y, window=(1.0, 0.0))}, "must end after its start"),
         (lambda ball: {"f": mb.maximum(ball.y, window=3)}, "window must be a pair of times"),
         (lambda ball: {"f": mb.maximum(ball.y)}, "with at least two times"),
@@ -230,6 +231,14 @@ def test_a_speed_that_starts_at_rest_has_figures():
 def test_runs_that_all_fail_are_told():
     outputs = lambda m: {"end": mb.final(m.p.a / m.ball.y), "mean": mb.mean(m.p.a / m.ball.y)}  # noqa: E731
     refused("t = 0 s, .*a = 1: an output is not finite", machines.ball(a=1.0).run, outputs, error=mb.SimulationError)
+
+
+def test_runs_that_fail_by_their_outputs_alone_are_told():
+    simulator = mb.DAESimulator(machines.ball(a=1.0).scene(lambda m: {"y": 1 / (m.p.a - mb.t)}), mb.CVODES())
+    np.testing.assert_array_equal(simulator.run([[1, G, 1], [1, G, 3]]).t_failed, [1, np.nan])
+    p = mb.Parameters(a=3.0)
+    scene = mb.Scene(mb.System(parameters=p), times=(0.0, 2.0), outputs={"f": mb.first_time(mb.t > p.a)})
+    warned("The nominal run fails at t = 2 s, a = 3: ", mb.propagate, scene, mb.Vertex(), mb.Box(a=(0.5, 1.5)))
 
 
 def test_an_unknown_text_in_a_condition_is_told_once():

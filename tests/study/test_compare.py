@@ -3,7 +3,7 @@
 import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -17,7 +17,7 @@ from small_scenes import state
 import symmb as mb
 from symmb.bound.bounds.method import Method
 from symmb.study import compare
-from symmb.study.compare import _doubt_of_reference, compare_simulator, default_methods
+from symmb.study.compare import _confronted, _doubt_of_reference, compare_simulator, default_methods
 from symmb.study.reference import Reference, _resolutions, find_reference
 
 T = np.linspace(0.0, 1.0, 11)
@@ -268,6 +268,8 @@ def test_given_methods_and_bounds_are_used_as_they_are():
     """Bounds state their own uncertainty."""
     found = find_reference(LINE, BOX, mb.Vertex())
     assert (found.method, found.evaluations) == ("Vertex()", 2) and np.isnan(found.uncertainty).all()
+    wider = [replace(given(), inner=(given().lower, given().upper))]  # which runs of a method attain
+    assert [_confronted(found, by, wider, None)[0].upper[-1] for by in (mb.Vertex(), None)] == [1.5, 2.0]
     found = find_reference(LINE, BOX, given(estimate=np.full((11, 1), 0.02)))
     assert found.uncertainty == pytest.approx([0.01])
     assert (found.method, found.evaluations, found.seconds) == ("by hand", 7, None)

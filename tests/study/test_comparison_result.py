@@ -91,7 +91,8 @@ def test_an_error_below_the_uncertainty_is_told_as_at_most_that():
 
 
 def test_the_head_tells_reference_cost_and_the_solvers_own_error():
-    text = str(comparison())
+    text = str(comparison(doubts=("Steps are long.",)))
+    assert "\nwarning: Steps are long.\n" in text
     assert "reference: Scanning(45), 2554 runs, 1.5 s; uncertainty 1.0e-03 of the width" in text
     assert "solver's own error: 1.5e-06 of the width, at most 2.0e-06 (load [N])" in text
     assert "Taylor(order=2) did not run: It needs derivatives." in text

@@ -17,7 +17,7 @@ from small_scenes import particle
 import symmb as mb
 from models import double_pendulum, four_bar, slider_crank
 from symmb.run.simulation import DAESimulator
-from symmb.run.verification import other_way
+from symmb.run.verification import deformation_doubts, other_way
 from symmb.run.verification.two_ways import changes_of_outputs
 
 
@@ -31,6 +31,14 @@ def wrong_by(simulator, shift):
     x, p, t = (ca.SX.sym(name, form.y.numel_in(k)) for k, name in enumerate(("x", "p", "t")))
     y = ca.Function("y", [x, p, t], [form.y(x, p, t) + shift * t])
     return simulator._by(simulator.program.with_outputs(y))
+
+
+def test_a_body_that_bends_too_far_is_told_with_the_first_and_the_worst_time():
+    beam = mb.Beam([(0, 0, 0), (1, 0, 0)], mb.Section.circle(0.004), mb.Material(E=2e11, density=8e3, nu=0.3))
+    modes = mb.FiniteElements.beams(beam).modes(clamped=0, count=1, planar=True)
+    scene, bent = mb.Scene(mb.System(mb.FlexibleBody("rod", modes, mb.Planar()))), np.outer([0, 1, 5, 2], np.eye(8)[3])
+    (told,) = deformation_doubts(scene, mb.compile_dae(scene.system), bent, np.empty(0), np.arange(4.0))
+    assert "(at t = 2 s), and by more than 0.3 rad from t = 1 s on" in told
 
 
 def test_differences_of_any_two_states_are_rounding_where_they_are_small():
