@@ -3,9 +3,19 @@
 import warnings
 
 import numpy as np
-from unit_functions import unit_function
 
 import symmb as mb
+
+
+def unit_function(f, d, times=(0.0,), outputs=("y",), noise=None):
+    """That of f(x) with n_t n_y values of d parameters x (d,), named x0, x1, ..."""
+    names = [f"x{i}" for i in range(d)]
+
+    def response(**p):
+        return np.reshape(f(np.array(list(p.values()))), (len(times), len(outputs)))
+
+    simulator = mb.FunctionSimulator(response, dict.fromkeys(names, 0.0), times, outputs, noise=noise)
+    return simulator, mb.Box(**dict.fromkeys(names, (-1.0, 1.0)))
 
 
 def black_box(f, /, times=(0.0,), outputs="y", noise=None, nominal=None, **intervals):

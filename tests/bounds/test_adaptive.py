@@ -6,12 +6,11 @@ from contextlib import nullcontext
 import casadi as ca
 import numpy as np
 import pytest
-from black_boxes import black_box_bounds, unit_bounds
+from black_boxes import black_box_bounds, unit_bounds, unit_function
 from conftest import but_long
 from faults import refused, warned
 from numpy.testing import assert_allclose
 from small_scenes import formulas
-from unit_functions import unit_function
 
 import symmb as mb
 from models import double_pendulum

@@ -5,13 +5,12 @@ import warnings
 import casadi as ca
 import numpy as np
 import pytest
-from black_boxes import black_box_bounds, quietly, reloaded
+from black_boxes import black_box_bounds, quietly, reloaded, unit_function
 from conftest import ALL_MODELS
 from faults import refused, warned
 from machines import ball, rods
 from scipy.special import ellipj, ellipk
 from small_scenes import particle
-from unit_functions import unit_function
 
 import symmb as mb
 from models import double_pendulum

@@ -1,15 +1,20 @@
 """Mean, variance and Sobol indices of expansions: closed forms and chaospy's."""
 
+import itertools
+import math
+
 import chaospy
+import numpoly
 import numpy as np
 import pytest
-from black_boxes import black_box_bounds
+from black_boxes import black_box_bounds, unit_function
+from conftest import ALL_BASES
 from faults import refused
 from oscillators import BOX, TIMES, Wave
 from textbook_functions import ishigami
-from unit_functions import unit_function
 
 import symmb as mb
+from symmb import HyperbolicCross, TotalDegree
 
 
 @pytest.mark.parametrize("nodes, error", [(mb.Gauss(), 1e-6), (mb.ClenshawCurtis(), 1e-5), (mb.Leja(), 2e-5)], ids=repr)
@@ -97,3 +102,46 @@ def test_moments_print_as_a_table_of_shares():
 def test_boxes_cut_into_pieces_leave_no_moments():
     bounds = black_box_bounds(lambda x: np.sin(25 * x), x=(-1.0, 1.0))
     refused("kinks or jumps", bounds.moments, error=mb.PropagationError)
+
+
+# Multi-indices of the bases: which, how many, in which order.
+
+
+def rows(alpha):
+    return {tuple(row) for row in alpha.tolist()}
+
+
+@pytest.mark.parametrize("basis", ALL_BASES, ids=repr)
+@pytest.mark.parametrize(("d", "order"), [(1, 5), (2, 4), (3, 3)])
+def test_a_basis_starts_with_the_constant_and_has_what_divides_its_polynomials(basis, d, order):
+    alpha = basis.indices(d, order)
+    assert alpha[0].tolist() == [0] * d and len(rows(alpha)) == len(alpha)
+    for row in alpha[1:]:
+        assert rows(np.maximum(row - np.eye(d, dtype=int), 0)) <= rows(alpha)
+    assert {tuple(order * unit) for unit in np.eye(d, dtype=int)} <= rows(alpha)
+
+
+@pytest.mark.parametrize(("d", "order"), [(1, 4), (2, 6), (3, 5), (4, 4)])
+@pytest.mark.parametrize("q", [0.4, 0.5, 0.75, 1.0])
+def test_hyperbolic_cross_is_chaospy_s(d, order, q):
+    distribution = chaospy.J(*(chaospy.Uniform(-1, 1) for _ in range(d)))
+    expansion = chaospy.generate_expansion(order, distribution, cross_truncation=q)
+    theirs = rows(numpoly.lead_exponent(expansion, graded=True, reverse=True))
+    assert rows(HyperbolicCross(q).indices(d, order)) == theirs
+    assert HyperbolicCross(q).size(d, order) == len(theirs)
+
+
+def test_hyperbolic_cross_keeps_what_lies_on_its_border():
+    # 2 sqrt(2) = sqrt(8), so that (2, 2) has the quasi-norm 8.
+    assert (2, 2) in rows(HyperbolicCross(0.5).indices(2, 8))
+    assert (2, 2) not in rows(HyperbolicCross(0.5).indices(2, 7))
+    known = {row for row in itertools.product(range(5), repeat=3) if sum(a**0.5 for a in row) <= 2 + 1e-9}
+    assert rows(HyperbolicCross(0.5).indices(3, 4)) == known
+
+
+def test_sizes_of_many_parameters_are_counted_without_indices():
+    assert HyperbolicCross(1.0).size(500, 16) == math.comb(516, 16)
+
+
+def test_hyperbolic_cross_of_one_is_the_total_degree():
+    np.testing.assert_array_equal(HyperbolicCross(1.0).indices(4, 3), TotalDegree().indices(4, 3))
