@@ -192,7 +192,7 @@ def test_each_file_compiles_by_itself(compiler, path):
         (bouncing_ball, mb.EventDriven()),
         pytest.param(double_pendulum, mb.NSTIFFSI2(step=0.05), marks=pytest.mark.long),
     ],
-    ids=repr,
+    ids=lambda value: getattr(value, "__name__", repr(value)),
 )
 def test_generated_programs_are_clean_under_sanitizers(model, solver, tmp_path):
     simulator = mb.DAESimulator(model.scene().with_times(np.linspace(0, 1, 5)), solver)
