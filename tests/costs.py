@@ -3,10 +3,11 @@
     PYTHONPATH=tests COSTS=build/costs XDG_CACHE_HOME=$(mktemp -d) python -m pytest -n 2 -m "" -p costs
     python tests/costs.py build/costs.*.jsonl
 
-The plugin writes a line of JSON for each test: its name, processor seconds of its own and of programs that it starts,
-and models that it compiles. The second command writes `slow.txt` and `long.txt`. Tests of functions that were not
-measured stay in these lists. Measure with an empty cache, on an idle machine, and then the fast tests alone as well: a
-test may compile what a slow test has compiled before. The largest time of a test counts.
+The plugin writes a line of JSON for each test: its name, processor seconds of its own, of programs that it starts and
+of fixtures that another test has set up for it, and models that it compiles. The second command writes `slow.txt` and
+`long.txt`. Tests that were not measured stay in these lists. Measure with an empty cache, on an idle
+machine, and then the fast tests alone as well: a test may compile what a slow test has compiled before. The largest
+time of a test counts.
 """
 
 import json
@@ -20,7 +21,7 @@ import pytest
 
 from symmb.run.codegen import build
 
-SECONDS = {"slow": 0.2, "long": 1.5}
+SECONDS = {"slow": 0.2, "long": 1.0}
 """Processor seconds of slow and of long tests. README's command leaves out both, and `.ci/run` leaves out long ones."""
 
 FOLDER = Path(__file__).parent
@@ -39,6 +40,7 @@ KEPT = {
 enough of the planted faults."""
 
 builds = 0
+fixtures: dict[pytest.FixtureDef, float] = {}
 
 
 def counted(compile_source):
@@ -53,12 +55,23 @@ def counted(compile_source):
 
 
 @pytest.hookimpl(wrapper=True)
+def pytest_fixture_setup(fixturedef):
+    before = sum(os.times()[:4])
+    result = yield
+    fixtures[fixturedef] = sum(os.times()[:4]) - before
+    return result
+
+
+@pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item):
     before, builds_before = os.times(), builds
+    used = [definitions[-1] for definitions in item._fixtureinfo.name2fixturedefs.values()]
+    shared = sum(fixtures.get(definition, 0.0) for definition in used if definition.cached_result is not None)
     result = yield
     after = os.times()
     own, children = (sum(after[k : k + 2]) - sum(before[k : k + 2]) for k in (0, 2))
-    line = {"test": item.nodeid, "own": round(own, 3), "children": round(children, 3), "builds": builds - builds_before}
+    line = {"test": item.nodeid, "own": round(own, 3), "children": round(children, 3), "shared": round(shared, 3)}
+    line["builds"] = builds - builds_before
     with open(f"{os.environ['COSTS']}.{os.environ.get('PYTEST_XDIST_WORKER', 'main')}.jsonl", "a") as file:
         file.write(json.dumps(line) + "\n")
     return result
@@ -69,13 +82,14 @@ def costly(lines: Iterable[str], name: str) -> list[str]:
     seconds: dict[str, dict[str, float]] = defaultdict(dict)
     for line in map(json.loads, lines):
         of_function = seconds[line["test"].split("[")[0]]
-        of_function[line["test"]] = max(of_function.get(line["test"], 0.0), line["own"] + line["children"])
+        cost = line["own"] + line["children"] + line["shared"]
+        of_function[line["test"]] = max(of_function.get(line["test"], 0.0), cost)
     earlier = (FOLDER / f"{name}.txt").read_text(encoding="utf-8").splitlines()
     earlier = [test for test in earlier if (FOLDER.parent / test.split("::")[0]).exists()]
-    names = [test for test in earlier if test.split("[")[0] not in seconds]
+    names = {test for test in earlier if test not in seconds and test not in seconds.get(test.split("[")[0], ())}
     for function, by_parameters in seconds.items():
-        found = [test for test, cost in by_parameters.items() if cost > SECONDS[name] and test not in KEPT]
-        names += [function] if len(found) == len(by_parameters) else found
+        found = {test for test, cost in by_parameters.items() if cost > SECONDS[name] and test not in KEPT}
+        names |= {function} if len(found) == len(by_parameters) else found
     return sorted(names)
 
 
