@@ -107,6 +107,7 @@ from .run.integrate.state_space import StateSpace as StateSpace
 
 # Bounds and their methods
 from .bound.bounds.propagation import propagate as propagate
+from .bound.bounds.method import Method as Method
 from .bound.bounds.polynomial_chaos import PolynomialChaos as PolynomialChaos
 from .bound.bounds.taylor import Taylor as Taylor
 from .bound.bounds.taylor_model import TaylorModel as TaylorModel

@@ -68,13 +68,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from symmb._types import Executor
-from symmb.bound.bounds.method import Method, parameter_samples
-from symmb.bound.bounds.result import Bounds
+from symmb._types import Array
+from symmb.bound.bounds.box_runs import RunsOverBox
+from symmb.bound.bounds.method import Method
 from symmb.bound.bounds.result_file import Kind
 from symmb.bound.nodes import corners
-from symmb.connect import Progress, Simulator
-from symmb.equations.model import Box
 
 
 @dataclass(frozen=True)
@@ -83,10 +81,10 @@ class Ends(Method):
 
     kind: ClassVar[Kind] = "sampled"
 
-    def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
-        unit = np.concatenate([np.zeros((1, len(box))), corners(len(box))])
-        Y = simulator.run(parameter_samples(simulator, box, unit)).Y
-        return self._result(simulator, Y.min(axis=0), Y.max(axis=0), len(unit))
+    def bounds(self, runs: RunsOverBox) -> tuple[Array, Array]:
+        unit = np.concatenate([np.zeros((1, len(runs.box))), corners(len(runs.box))])
+        Y = runs(runs.box.from_unit(unit))
+        return Y.min(axis=0), Y.max(axis=0)
 '''
 USES = """
 import numpy as np

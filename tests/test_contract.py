@@ -244,7 +244,7 @@ def names_without_import(text):
         names = [node for node in nodes if isinstance(node, ast.Name)]
         known |= {name.id for name in names if isinstance(name.ctx, ast.Store)}
         known |= {node.arg for node in nodes if isinstance(node, ast.arg)}
-        known |= {node.name for node in nodes if isinstance(node, ast.ExceptHandler | ast.FunctionDef)}
+        known |= {node.name for node in nodes if isinstance(node, ast.ExceptHandler | ast.FunctionDef | ast.ClassDef)}
         known |= {(node.asname or node.name).split(".")[0] for node in nodes if isinstance(node, ast.alias)}
         missing |= {name.id for name in names} - known
     return missing

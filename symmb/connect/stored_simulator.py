@@ -67,7 +67,7 @@ class StoredSimulator(WithWarnings):
     >>> decay = mb.FunctionSimulator(lambda k: calls.append(k) or np.exp(-k * t), {"k": 1.0}, t, ["x"])
     >>> stored = mb.StoredSimulator(decay, tempfile.mkdtemp() + "/runs.db")
     >>> for method in (mb.Vertex(), mb.Scanning(3)):
-    ...     bounds = method.bounds(stored, mb.Box(k=(0.5, 2.0)))
+    ...     bounds = mb.propagate(stored, method, mb.Box(k=(0.5, 2.0)))
     >>> len(calls)
     3
     """

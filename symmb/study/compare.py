@@ -14,7 +14,17 @@ from symmb._interrupts import carry, kept_interrupts
 from symmb._options import require_callable
 from symmb._progress import RunProgress, shown
 from symmb._types import Array, Executor, Expr
-from symmb.bound.bounds import METHODS, Bounds, Method, checked, doubted, method_of, parameter_samples, units_of
+from symmb.bound.bounds import (
+    METHODS,
+    Bounds,
+    Method,
+    bounded,
+    checked,
+    doubted,
+    method_of,
+    parameter_samples,
+    units_of,
+)
 from symmb.connect import Simulator, StoredSimulator, noise_from_runs
 from symmb.equations.model import Box, Scene
 from symmb.run.integrate import Solver
@@ -22,7 +32,7 @@ from symmb.run.simulation import Device, SceneSimulator, simulator_of
 from symmb.study.comparison_result import Comparison
 from symmb.study.enclosed import ProvedBounds
 from symmb.study.metrics import Yardstick
-from symmb.study.reference import RUNS, Reference, affordable_runs, find_reference, planned_runs
+from symmb.study.reference import RUNS, Reference, affordable_runs, find_reference, planned_runs, require_same
 from symmb.study.row import LONG_RUN, NotRun, Row
 
 _REPEATS = 3
@@ -36,7 +46,7 @@ Progress = Callable[[str, int, int], None]
 
 def compare(
     scene_or_simulator: Scene | Simulator,
-    methods: Sequence[Method | str] | Method | str | None = None,
+    methods: Sequence[Method | Bounds | str] | Method | Bounds | str | None = None,
     box: Box | None = None,
     reference: Method | Bounds | str | None = None,
     solver: Solver | str | None = None,
@@ -53,7 +63,8 @@ def compare(
     ----------
     scene_or_simulator : Scene, FunctionSimulator, ...
     methods : Method or several
-        methods, or texts as on the command line, such as "pce:4"; default: several settings of each suitable method
+        methods, or texts as on the command line, such as "pce:4". Finished `Bounds` of the same outputs, times and box
+        are a row as well, such as loaded ones. Default: several settings of each suitable method
     box : Box
         default: the box of the scene
     reference : Method or Bounds
@@ -79,7 +90,7 @@ def compare(
     DeclarationError
         If there is no box, or an argument is not a method, a box or a solver
     PropagationError
-        If no method can run
+        If no method can run, or finished bounds have other outputs, times or intervals
     KeyboardInterrupt
         If the comparison is interrupted. `partial` then contains the Comparison of the finished methods
 
@@ -126,12 +137,25 @@ def _doubted(comparison: Comparison) -> Comparison:
     return comparison
 
 
-def _methods(given: Any) -> tuple[Method, ...]:
+def _methods(given: Any) -> tuple[Method | Bounds, ...]:
     try:
-        methods = (given,) if isinstance(given, Method | type | str) else tuple(given)
+        methods = (given,) if isinstance(given, Method | Bounds | type | str) else tuple(given)
     except TypeError:
         methods = (given,)
-    return tuple(method_of("compare", method) for method in methods)
+    return tuple(method if isinstance(method, Bounds) else method_of("compare", method) for method in methods)
+
+
+def _text(method: Method | Bounds) -> str:
+    return f"{method.method}, given" if isinstance(method, Bounds) else repr(method)
+
+
+def _require_own(given: Bounds, simulator: Simulator, box: Box) -> None:
+    """Raise PropagationError if finished bounds are not those of this simulator and box."""
+    what = f"The given result {given.method}"
+    require_same(what, given, simulator)
+    own, its = (dict(zip(b.names, b.bounds, strict=True)) if b else {} for b in (box, given.box))
+    if its and (own.keys() != its.keys() or not np.allclose([own[k] for k in its], [*its.values()], atol=0.0)):
+        raise PropagationError(f"{what} is of {given.box!r}, but the comparison is of {box!r}.")
 
 
 def default_methods(simulator: Simulator, box: Box) -> tuple[Method, ...]:
@@ -142,16 +166,27 @@ def default_methods(simulator: Simulator, box: Box) -> tuple[Method, ...]:
 
 @dataclass(frozen=True)
 class _Measured:
-    """A method that ran: its bounds without polynomials, its run time [s], and warnings from check runs."""
+    """A method that ran: its bounds without polynomials, its run time [s], and warnings from check runs.
+
+    Attributes
+    ----------
+    is_given : whether the bounds were finished before. Their runs, perhaps of another program, do not count as attained
+    """
 
     bounds: Bounds
     seconds: float
     doubts: tuple[str, ...]
+    is_given: bool = False
+
+    @property
+    def attained(self) -> Bounds:
+        """The bounds, with the values that runs of this comparison attained."""
+        return replace(self.bounds, inner=None) if self.is_given else self.bounds
 
 
 def compare_simulator(
     simulator: Simulator,
-    methods: Sequence[Method] | None,
+    methods: Sequence[Method | Bounds] | None,
     box: Box,
     reference: Method | Bounds | None = None,
     *,
@@ -169,6 +204,9 @@ def compare_simulator(
     about = {"scene": "simulator", "solver": "", "threads": 1, "repeats": repeats, **about}
     if methods is None:
         methods = default_methods(simulator, box)
+    for method in methods:
+        if isinstance(method, Bounds):
+            _require_own(method, simulator, box)
     exact = simulator if tighter is None else tighter
     runs = affordable_runs(_seconds_a_run(exact)) if reference is None else RUNS
     _LOG.info(_announcement(methods, box, reference, runs, repeats))
@@ -178,14 +216,14 @@ def compare_simulator(
     ran, not_run = list[_Measured](), list[NotRun]()
     try:
         for method in methods:
-            result = _measured(method, simulator, box, repeats, executor, _labelled(progress, repr(method)))
+            result = _measured(method, simulator, box, repeats, executor, _labelled(progress, _text(method)))
             if isinstance(result, NotRun):
                 not_run.append(result)
             else:
                 ran.append(result)
     except KeyboardInterrupt as interrupt:
         if ran:
-            not_run += [NotRun(repr(left), "interrupted") for left in methods[len(ran) + len(not_run) :]]
+            not_run += [NotRun(_text(left), "interrupted") for left in methods[len(ran) + len(not_run) :]]
             carry(interrupt, _comparison(simulator, box, found, ran, not_run, about))
         raise
     if not ran:
@@ -198,20 +236,24 @@ def compare_simulator(
         difference = simulator.run(points).Y - tighter.run(points).Y
         noise = np.nan_to_num(np.abs(difference)).max(axis=(0, 1))
     found = replace(found, noise=noise)
-    found, about["solver_error"], about["doubts"] = _confronted(found, reference, [x.bounds for x in ran], difference)
+    found, about["solver_error"], about["doubts"] = _confronted(found, reference, [x.attained for x in ran], difference)
     return _comparison(simulator, box, found, ran, not_run, about)
 
 
 def _measured(
-    method: Method,
+    method: Method | Bounds,
     simulator: Simulator,
     box: Box,
     repeats: int,
     executor: Executor | None,
     progress: RunProgress | None,
 ) -> _Measured | NotRun:
+    if isinstance(method, Bounds):
+        return _Measured(replace(method, method=_text(method)), method.seconds, method.doubts, is_given=True)
     try:
-        bounds, seconds = _timed(partial(method.bounds, simulator, box, executor=executor, progress=progress), repeats)
+        bounds, seconds = _timed(
+            partial(bounded, method, simulator, box, executor=executor, progress=progress), repeats
+        )
     except (PropagationError, SimulationError) as error:
         return NotRun(repr(method), str(error).removeprefix(f"{method!r}: "))
     bounds = doubted(simulator, box, bounds)
@@ -318,12 +360,13 @@ def _seconds_a_run(simulator: Simulator) -> float:
 
 
 def _announcement(
-    methods: Sequence[Method], box: Box, reference: Method | Bounds | None, runs: int, repeats: int
+    methods: Sequence[Method | Bounds], box: Box, reference: Method | Bounds | None, runs: int, repeats: int
 ) -> str:
     """Sentences about the number of runs of a comparison, and about fewer runs of the reference if runs are slow."""
     d = len(box)
-    known = [method.planned_runs(d) for method in methods]
-    open_ended = [repr(method) for method, number in zip(methods, known, strict=True) if number is None]
+    new = [method for method in methods if isinstance(method, Method)]
+    known = [method.planned_runs(d) for method in new]
+    open_ended = [repr(method) for method, number in zip(new, known, strict=True) if number is None]
     parts = [f"{sum(filter(None, known))} for the methods"]
     if open_ended:
         parts.append(f"and a number of runs that is not known yet for {', '.join(open_ended)}")

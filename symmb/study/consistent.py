@@ -19,7 +19,7 @@ from symmb._options import require_positive, shown
 from symmb._table import aligned
 from symmb._types import Array, Indices, Mask
 from symmb._units import label, units_of_parameters
-from symmb.bound.bounds import PolynomialChaos
+from symmb.bound.bounds import PolynomialChaos, bounded
 from symmb.bound.nodes import Sobol
 from symmb.bound.polynomials import MultiIndices, basis_values, in_other_coordinates
 from symmb.bound.polynomials.ranges import Piecewise
@@ -274,7 +274,7 @@ def _polynomials(
     box = Box(**{name: (low, high) for name, low, high in ends})
     widths = np.abs(fit(estimate)[1]) @ (upper - lower) / scale
     least = min(SMALL_ERROR * depth / np.sqrt(np.mean(part**2)) for part in fit.parts(widths))
-    bounds = PolynomialChaos(tolerance=float(np.clip(least, 1e-6, 1e-2))).bounds(fit.simulator, box)
+    bounds = bounded(PolynomialChaos(tolerance=float(np.clip(least, 1e-6, 1e-2))), fit.simulator, box)
     fit.runs += bounds.evaluations
     surrogate = bounds.surrogate
     if surrogate is None or not np.isfinite(surrogate.error).all():

@@ -21,6 +21,7 @@ from symmb.bound.bounds import (
     Limits,
     PolynomialChaos,
     Study,
+    bounded,
     finished,
     fitted,
     gathered,
@@ -433,7 +434,7 @@ class DesignSearch:
     def _study(self, goals: Sequence[Goal], u: Array) -> Verified:
         """A design with bounds by a study, and the check of its limits."""
         box = self.box(u)
-        bounds = PolynomialChaos().bounds(self.simulator, box, executor=self._executor, progress=self._progress)
+        bounds = bounded(PolynomialChaos(), self.simulator, box, executor=self._executor, progress=self._progress)
         nominal = dict(self.simulator.parameters) | dict(zip(self.names, self._middle(u).tolist(), strict=True))
         bounds = replace(bounds, study=Study(self.simulator, box), nominal_parameters=nominal, nominal=None)
         check = bounds.check(self._limits) if self._limits else None

@@ -10,7 +10,7 @@ import numpy as np
 from symmb._errors import PropagationError, SimulationError
 from symmb._magnitudes import SAME
 from symmb._types import Array, Executor
-from symmb.bound.bounds import Bounds, Method, MonteCarlo, Optimization, Scanning, Vertex, gathered
+from symmb.bound.bounds import Bounds, Method, MonteCarlo, Optimization, Scanning, Vertex, bounded, gathered
 from symmb.bound.nodes import Sobol
 from symmb.connect import Simulator
 from symmb.equations.model import Box
@@ -68,6 +68,21 @@ class Reference:
         return replace(self, lower=lower, upper=upper, uncertainty=np.maximum(self.uncertainty, missed))
 
 
+def require_same(what: str, bounds: Bounds, simulator: Simulator) -> None:
+    """Raise PropagationError if bounds have other outputs or times than a simulator. `what` begins the sentence."""
+    if tuple(bounds.names) != tuple(simulator.outputs):
+        raise PropagationError(
+            f"{what} has the outputs {', '.join(bounds.names)}, but the simulator has the outputs "
+            f"{', '.join(simulator.outputs)}. Give bounds of the same outputs in the same order."
+        )
+    t, times = bounds.t, simulator.times
+    if len(t) != len(times) or not np.allclose(t, times, rtol=0.0, atol=SAME):
+        raise PropagationError(
+            f"{what} has {len(t)} times from {t[0]:g} to {t[-1]:g} s, but the simulator has {len(times)} "
+            f"from {times[0]:g} to {times[-1]:g} s. Give bounds at the same times."
+        )
+
+
 def find_reference(
     simulator: Simulator,
     box: Box,
@@ -97,25 +112,14 @@ def find_reference(
     PropagationError    if given bounds have other times or outputs than the simulator, or bounds are infinite
     """
     if isinstance(reference, Bounds):
-        if tuple(reference.names) != tuple(simulator.outputs):
-            raise PropagationError(
-                f"The outputs of the reference are {', '.join(reference.names)}, but the outputs of the simulator are "
-                f"{', '.join(simulator.outputs)}. "
-                "Give a reference of the same outputs in the same order."
-            )
-        t, times = reference.t, simulator.times
-        if len(t) != len(times) or not np.allclose(t, times, rtol=0.0, atol=SAME):
-            raise PropagationError(
-                f"The reference has {len(t)} times from {t[0]:g} to {t[-1]:g} s, but the simulator has {len(times)} "
-                f"from {times[0]:g} to {times[-1]:g} s. Give a reference with the same times."
-            )
+        require_same("The reference", reference, simulator)
         return _of_bounds(reference, seconds=None)
     start = time.perf_counter()
     if reference is not None:
-        bounds = reference.bounds(simulator, box, executor=executor, progress=progress)
+        bounds = bounded(reference, simulator, box, executor=executor, progress=progress)
         return _of_bounds(bounds, seconds=time.perf_counter() - start)
     coarse, fine, *shared = [
-        method.bounds(simulator, box, executor=executor, progress=progress)
+        bounded(method, simulator, box, executor=executor, progress=progress)
         for method in _resolutions(len(box.names), runs)
     ]
     optimized = _optimized(simulator, box, runs, executor, progress)
@@ -145,7 +149,7 @@ def _optimized(
         return []
     differences = _Differences(simulator, box, executor)
     try:
-        return [Optimization(runs).bounds(differences, box, executor=executor, progress=progress)]
+        return [bounded(Optimization(runs), differences, box, executor=executor, progress=progress)]
     except (PropagationError, SimulationError):
         return []
 

@@ -91,14 +91,14 @@ def number(value: float) -> str:
 
 
 def seconds(value: float) -> str:
-    """A duration with three digits.
+    """A duration with three digits; – if it is not known.
 
     Examples
     --------
     >>> seconds(0.01234), seconds(123.4)
     ('0.0123', '123')
     """
-    return f"{value:.3g}" if value >= 1e-3 else f"{value:.1e}"
+    return number(value) if np.isnan(value) else f"{value:.3g}" if value >= 1e-3 else f"{value:.1e}"
 
 
 def _cells(row: Row, yardstick: Yardstick) -> list[str]:

@@ -26,7 +26,7 @@ class Row(Counted, WithWarnings):
     kind : str                      "enclosure", "estimate" or "sampled"
     evaluations, failed : int       cost in runs, with derivatives; number of failed runs
     setup_seconds : float or None   time for deriving and compiling [s], the same for all methods; None if not known
-    run_seconds : float             time of evaluations and bounding, without set-up [s]
+    run_seconds : float             time of evaluations and bounding, without set-up [s]; nan if it is not known
     lower, upper : (n_t, n_y)
     estimate : (n_t, n_y) or None   the error that the method estimates
     inner : two (n_t, n_y) or None  lower and upper values that runs attained

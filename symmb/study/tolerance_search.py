@@ -16,6 +16,7 @@ from symmb.bound.bounds import (
     PolynomialChaos,
     Study,
     WorstCase,
+    bounded,
     idle_parameters,
     parameter_samples,
     units_of,
@@ -135,8 +136,8 @@ class Search:
     def _study(self, factors: Array) -> Bounds:
         """Bounds over the box with these factors (d,). The bounds can make further runs."""
         box, simulator = self._box(factors), self._simulator
-        bounds = PolynomialChaos(tolerance=TOLERANCE).bounds(
-            simulator, box, executor=self._executor, progress=self._progress
+        bounds = bounded(
+            PolynomialChaos(tolerance=TOLERANCE), simulator, box, executor=self._executor, progress=self._progress
         )
         self.evaluations += bounds.evaluations
         return replace(bounds, study=Study(simulator, box), nominal_parameters=dict(simulator.parameters))

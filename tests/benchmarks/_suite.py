@@ -23,6 +23,7 @@ from models import (
     spherical_pendulum,
 )
 from symmb import DAESimulator
+from symmb.bound.bounds import bounded
 from symmb.bound.bounds.method import Method
 
 
@@ -188,6 +189,6 @@ def simulator_of(case: Case) -> tuple[DAESimulator, mb.Box]:
 
 def reference_of(case: Case, simulator: DAESimulator, box: mb.Box) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Lower and upper bounds (n_t, n_y), and how far two resolutions differ."""
-    coarse, fine = (method.bounds(simulator, box) for method in case.reference)
+    coarse, fine = (bounded(method, simulator, box) for method in case.reference)
     change = np.maximum(np.abs(fine.lower - coarse.lower), np.abs(fine.upper - coarse.upper))
     return fine.lower, fine.upper, change

@@ -22,6 +22,7 @@ import models
 import symmb as mb
 from models import double_pendulum
 from symmb import DAESimulator
+from symmb.bound.bounds import bounded
 from symmb.bound.bounds.method import Method
 
 SPREADS = (0.05, 0.1, 0.15, 0.2)
@@ -48,7 +49,7 @@ def study(watch: Stopwatch, method: Method, box: mb.Box) -> tuple[mb.Bounds, flo
     watch.seconds, begin = 0.0, time.perf_counter()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", mb.SymmbWarning)
-        bounds = method.bounds(watch.simulator, box)
+        bounds = bounded(method, watch.simulator, box)
     return bounds, watch.seconds, time.perf_counter() - begin - watch.seconds
 
 
@@ -65,7 +66,7 @@ def beside_scan(repeats: int) -> None:
     for repeat in range(repeats + 1):
         for k, box in enumerate(boxes):
             begin = time.perf_counter()
-            SCAN.bounds(watch.simulator, box)
+            bounded(SCAN, watch.simulator, box)
             scan = time.perf_counter() - begin
             bounds, within, beyond = study(watch, mb.PolynomialChaos(), box)
             runs[k], seconds[k, repeat] = bounds.evaluations, (within, beyond, scan)

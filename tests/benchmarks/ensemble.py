@@ -19,6 +19,7 @@ from _casadi import idas, minimal, redundant, runge_kutta
 from models.double_pendulum import scene
 
 import symmb as mb
+from symmb.bound.bounds import bounded
 from symmb import DAESimulator
 
 try:
@@ -73,7 +74,7 @@ simulator.threads = 1
 
 
 def bounds() -> mb.Bounds:
-    return method.bounds(simulator, pendulum.box)
+    return bounded(method, simulator, pendulum.box)
 
 
 first = [median(bounds) / SAMPLES]
@@ -88,7 +89,7 @@ show("symmb, 1 thread, seconds passed", f"rtol {rtol:.1e}", passed, found)
 show("symmb, 2 threads, seconds passed", f"rtol {rtol:.1e}", two, found)
 usual = DAESimulator(pendulum)
 usual.threads = 1
-seconds = median(lambda: method.bounds(usual, pendulum.box)) / SAMPLES
+seconds = median(lambda: bounded(method, usual, pendulum.box)) / SAMPLES
 show("symmb, bounds, default", f"rtol {usual.solver.rtol:.0e}", seconds, errors(compiled_ends(usual)))
 
 dae, times = simulator.dae, simulator.times

@@ -14,6 +14,7 @@ import numpy as np
 from _suite import CASES, reference_of, simulator_of
 
 import symmb as mb
+from symmb.bound.bounds import bounded
 
 TOLERANCES = (1e-1, 1e-2, 1e-3)
 MOST = 1500
@@ -36,7 +37,7 @@ if __name__ == "__main__":
         width = np.where(width > 1e-9 * rms(np.maximum(np.abs(lower), np.abs(upper))), width, np.inf)
         for tolerance in TOLERANCES:
             begin = time.perf_counter()
-            found = mb.PolynomialChaos(tolerance=tolerance, budget=MOST).bounds(simulator, box)
+            found = bounded(mb.PolynomialChaos(tolerance=tolerance, budget=MOST), simulator, box)
             seconds = time.perf_counter() - begin
             error = np.maximum(np.abs(found.lower - lower), np.abs(found.upper - upper))
             doubt = np.maximum(change, 1e-5 * np.where(np.isfinite(width), width, 1.0))

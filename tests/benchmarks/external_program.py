@@ -25,6 +25,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 import symmb as mb
+from symmb.bound.bounds import bounded
 from symmb.connect import open_run_database
 
 TIMES = np.linspace(0.0, 2.0, 5)
@@ -149,7 +150,7 @@ def study(program: Path, method: mb.MonteCarlo | mb.Scanning | mb.PolynomialChao
         begin = time.perf_counter()
         with ThreadPoolExecutor(2) as pool:
             stored = mb.StoredSimulator(simulator, Path(folder, "runs.db"))
-            bounds = method.bounds(stored, BOX, executor=pool)  # without check runs, so that runs can be counted
+            bounds = bounded(method, stored, BOX, executor=pool)  # without check runs, so that runs can be counted
         seconds = time.perf_counter() - begin
         with open_run_database(Path(folder, "runs.db")) as database:
             P = database.samples(1, 4)

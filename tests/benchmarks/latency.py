@@ -20,6 +20,7 @@ from _casadi import idas, minimal, redundant, runge_kutta
 from models import double_pendulum, four_bar
 
 import symmb as mb
+from symmb.bound.bounds import bounded
 from symmb import DAESimulator
 from symmb.run.integrate.solver import Solver
 
@@ -103,7 +104,7 @@ def chaos(pendulum: mb.Scene) -> None:
     """The paper's expansion of order 2: nine runs, a fit and an inclusion."""
     fast = simulator(pendulum, mb.DormandPrince(rtol=RTOL))
     method = mb.PolynomialChaos.paper(order=2)
-    first = show("PolynomialChaos.paper(order=2)", median(lambda: method.bounds(fast, pendulum.box), calls=5))
+    first = show("PolynomialChaos.paper(order=2)", median(lambda: bounded(method, fast, pendulum.box), calls=5))
     grid = np.array(np.meshgrid(*[np.polynomial.legendre.leggauss(3)[0]] * 2)).reshape(2, -1).T
     P = pendulum.box.from_unit(grid)
     show("  of which the 9 runs", median(lambda: fast.run(P).Y, calls=5))
@@ -130,10 +131,10 @@ def derivatives(pendulum: mb.Scene) -> None:
         with tempfile.TemporaryDirectory() as folder:
             os.environ["XDG_CACHE_HOME"] = folder
             begin = spent()
-            method.bounds(fast, scene.box)
+            bounded(method, fast, scene.box)
             setup = spent() - begin
-        first = show(f"Taylor(order=2), {d} parameters", median(lambda: method.bounds(fast, scene.box)))  # noqa: B023
-        seconds = median(lambda: method.bounds(slow, scene.box))  # noqa: B023
+        first = show(f"Taylor(order=2), {d} parameters", median(lambda: bounded(method, fast, scene.box)))  # noqa: B023
+        seconds = median(lambda: bounded(method, slow, scene.box))  # noqa: B023
         show("  first time, with its build", setup)
         show("  casadi cvodes, rtol 1e-8", seconds, f"{seconds / first:.1f} x")
 

@@ -13,6 +13,7 @@ from _suite import boxed, chain
 import symmb as mb
 from models import double_pendulum
 from symmb import DAESimulator
+from symmb.bound.bounds import bounded
 
 
 def rms(a: np.ndarray) -> np.ndarray:
@@ -40,7 +41,7 @@ def show(name: str, simulator: DAESimulator, box: mb.Box, methods: list[mb.Polyn
     results = []
     for method in methods:
         begin = time.perf_counter()
-        bounds = method.bounds(simulator, box)
+        bounds = bounded(method, simulator, box)
         seconds = time.perf_counter() - begin
         begin = time.perf_counter()
         simulator.run(box.from_unit(np.zeros((bounds.evaluations, len(box))))).Y.sum()
@@ -73,6 +74,6 @@ if __name__ == "__main__":
     for end in (30.0, 60.0):
         scene = boxed(double_pendulum.scene().with_times(np.linspace(0, end, int(20 * end) + 1)), 0.05)
         simulator = DAESimulator(scene, mb.DormandPrince(rtol=1e-10))
-        scan = mb.Scanning(401).bounds(simulator, scene.box)
+        scan = bounded(mb.Scanning(401), simulator, scene.box)
         methods = [mb.PolynomialChaos(tolerance=1e-4, budget=budget) for budget in (100, 300, 1200)]
         show(f"double pendulum, {end:g} s", simulator, scene.box, methods, (scan.lower, scan.upper))

@@ -14,6 +14,7 @@ import numpy as np
 from models.double_pendulum import scene
 
 import symmb as mb
+from symmb.bound.bounds import bounded
 from symmb import DAESimulator
 
 SAMPLES = 1_000_000
@@ -32,7 +33,7 @@ print(f"{'samples':>24s}{'seconds':>12s}{'runs/s':>12s}{'peak [GB]':>12s}")
 print(f"{'before':>24s}{'':12s}{'':12s}{peak():12.3f}")
 for samples in (10_000, 100_000, SAMPLES):
     begin = time.process_time()
-    mb.MonteCarlo(samples).bounds(simulator, pendulum.box)
+    bounded(mb.MonteCarlo(samples), simulator, pendulum.box)
     seconds = time.process_time() - begin
     print(f"{samples:24d}{seconds:12.2f}{samples / seconds:12.0f}{peak():12.3f}", flush=True)
 P = pendulum.box.from_unit(np.random.default_rng(0).uniform(-1.0, 1.0, (FEW, 2)))

@@ -19,7 +19,6 @@ import symmb
 import symmb as mb
 from symmb import Box, FunctionSimulator, MonteCarlo, Optimization, PolynomialChaos, Swarm, Taylor, Vertex, propagate
 from symmb import _errors as errors
-from symmb.bound.bounds.method import Method
 
 # Largest root mean square error over root mean square width; 2e-4 where nothing is said.
 LARGEST_ERROR = {
@@ -136,11 +135,12 @@ def test_options_out_of_range(make, options, message):
 
 
 def test_a_method_of_ones_own_needs_one_function():
-    class Nominal(Method):
+    class Nominal(mb.Method):
         kind = "sampled"
 
-        def _bounds(self, simulator, box, executor, progress):
-            return Vertex()._bounds(simulator, Box(amplitude=(1, 1)), executor, progress)
+        def bounds(self, runs):
+            Y = runs([[1.0, 1.0]])
+            return Y[0], Y[0]
 
     result = warned("Runs at 9 of 9 other points are outside of the bounds", propagate, Wave(), Nominal(), BOX)
     np.testing.assert_array_equal(result.lower, result.upper)

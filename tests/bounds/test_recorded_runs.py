@@ -12,6 +12,7 @@ from mechanisms import double_pendulum
 from scipy.stats import norm
 
 import symmb as mb
+from symmb.bound.bounds import bounded
 
 TURN, TIMES = np.linspace(0, 2 * np.pi, 25), np.linspace(0, 2, 21)
 
@@ -258,7 +259,7 @@ def test_methods_and_other_studies_that_need_runs_say_so():
     refused(none, mb.sweep, SQUARE, {"p0": [0.0, 0.5]}, **own)
     refused(none, mb.compare, SQUARE, box=SQUARE_BOX, **own)
     refused(none, mb.tolerances, SQUARE, {"y": (None, 3.0)}, box=SQUARE_BOX, **own)
-    refused(none, mb.Vertex().bounds, SQUARE, SQUARE_BOX, **own)
+    refused(none, bounded, mb.Vertex(), SQUARE, SQUARE_BOX, **own)
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ import sympy as sp
 from black_boxes import errors_of
 
 from symmb import Box, PropagationError, Taylor, propagate
+from symmb.bound.bounds import bounded
 from symmb.bound.bounds.taylor import _mixed
 from symmb.bound.polynomials.legendre import homogeneous
 
@@ -75,7 +76,7 @@ def _reference(simulator, box, order):
 @pytest.mark.parametrize(("names", "order"), [("abcd", 1), ("abcd", 2), ("dba", 3), ("c", 6)])
 def test_any_order_and_number_of_parameters(names, order):
     box = _around(names)
-    result = Taylor(order).bounds(FOUR, box)
+    result = bounded(Taylor(order), FOUR, box)
     np.testing.assert_allclose([result.lower, result.upper], _reference(FOUR, box, order), atol=1e-11)
     assert result.evaluations == comb(len(names) + order, order)
 
@@ -83,7 +84,7 @@ def test_any_order_and_number_of_parameters(names, order):
 @pytest.mark.parametrize(("names", "order", "subintervals"), [("ab", 2, 3), ("c", 3, 4), ("abd", 1, 2)])
 def test_union_over_subintervals(names, order, subintervals):
     box = _around(names)
-    result = Taylor(order, subintervals).bounds(FOUR, box)
+    result = bounded(Taylor(order, subintervals), FOUR, box)
     cuts = [np.linspace(low, high, subintervals + 1) for low, high in box.bounds]
     parts = [
         _reference(FOUR, Box(**{name: (c[i], c[i + 1]) for name, c, i in zip(names, cuts, part, strict=True)}), order)
@@ -96,7 +97,7 @@ def test_union_over_subintervals(names, order, subintervals):
 
 def test_equation_27_range_of_the_paper_s_cubic():
     x = sp.Symbol("x")
-    result = Taylor(order=3).bounds(symbolic((x**3 - 2 * x**2 + x,), (x,), {"x": 0.0}), Box(x=(0, 1)))
+    result = bounded(Taylor(order=3), symbolic((x**3 - 2 * x**2 + x,), (x,), {"x": 0.0}), Box(x=(0, 1)))
     np.testing.assert_allclose(errors_of(result, -1 / 4, 3 / 8), 0, atol=1e-12)
 
 

@@ -16,6 +16,7 @@ from faults import refused, warned
 from numpy.testing import assert_allclose
 
 import symmb as mb
+from symmb.bound.bounds import bounded
 
 pytest.importorskip("fmpy")
 if shutil.which("cc") is None and shutil.which("gcc") is None:
@@ -89,7 +90,7 @@ def test_compare_runs_all_methods(version, kind, springs, scene):
 def test_units_reach_bounds(springs, folder):
     own = simulator(springs[2], outputs=["x", "damper.c", "passes"])
     for one in (own, mb.StoredSimulator(own, folder / "units.db")):
-        assert mb.Vertex().bounds(one, BOX).units == ("m", "N.s/m", "")
+        assert bounded(mb.Vertex(), one, BOX).units == ("m", "N.s/m", "")
 
 
 def test_parameters_are_set_whatever_their_kind(springs):

@@ -19,6 +19,7 @@ from faults import refused, told_in_a_line
 
 import symmb as mb
 from models import double_pendulum
+from symmb.bound.bounds import bounded
 from symmb.connect import run_blocks, run_database
 from symmb.connect.run_database import open_run_database
 from symmb.show.cli.main import main
@@ -78,10 +79,10 @@ METHODS = [mb.PolynomialChaos(budget=60), mb.MonteCarlo(40), mb.Scanning(5), mb.
 @pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
 @pytest.mark.parametrize("method", METHODS, ids=repr)
 def test_stored_runs_give_the_same_bounds_and_are_not_made_again(method, path):
-    plain = method.bounds(simulator(response), BOX)
+    plain = bounded(method, simulator(response), BOX)
     for expected in plain.evaluations, 0:
         made, calls = counting("response")
-        assert bits(method.bounds(mb.StoredSimulator(made, path), BOX)) == bits(plain)
+        assert bits(bounded(method, mb.StoredSimulator(made, path), BOX)) == bits(plain)
         assert len(calls) <= expected and (len(calls) > 0) == (expected > 0)
 
 
@@ -89,7 +90,7 @@ def test_stored_runs_give_the_same_bounds_and_are_not_made_again(method, path):
 def test_a_finer_study_and_another_method_use_what_is_there(path):
     made, calls = counting("response")
     for method, number in ((mb.Vertex(), 4), (mb.Scanning(3), 9), (mb.Scanning(5), 25)):
-        method.bounds(mb.StoredSimulator(made, path), BOX)
+        bounded(method, mb.StoredSimulator(made, path), BOX)
         assert len(calls) == number
 
 
@@ -99,7 +100,7 @@ def test_other_functions_times_outputs_and_versions_are_other_studies(path):
     many += [simulator(response, TIMES, ["x", "z"])]
     many += [simulator(lambda a, b, factor=factor: factor * response(a, b)) for factor in (2, 3)]
     for k, one in enumerate([*many, many[0], many[0]]):
-        mb.Vertex().bounds(mb.StoredSimulator(one, path, version="2" if k == len(many) else ""), BOX)
+        bounded(mb.Vertex(), mb.StoredSimulator(one, path, version="2" if k == len(many) else ""), BOX)
         assert asked(path, "SELECT count(*) FROM studies") == min(k, len(many)) + 1
 
 
@@ -132,16 +133,16 @@ def test_scenes_are_known_in_other_processes(path):
     made = mb.DAESimulator(scene, mb.DormandPrince(rtol=1e-10))
     assert told[0] == made.identity() != told[1]
     stored = mb.StoredSimulator(made, path)
-    first = mb.Scanning(3).bounds(stored, scene.box)
-    assert bits(mb.Scanning(3).bounds(stored, scene.box)) == bits(first)
-    assert np.abs(mb.Scanning(3).bounds(made, scene.box).upper - first.upper).max() < 1e-8
+    first = bounded(mb.Scanning(3), stored, scene.box)
+    assert bits(bounded(mb.Scanning(3), stored, scene.box)) == bits(first)
+    assert np.abs(bounded(mb.Scanning(3), made, scene.box).upper - first.upper).max() < 1e-8
 
 
 @pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
 @pytest.mark.parametrize("pool", [ThreadPoolExecutor, ProcessPoolExecutor])
 def test_executors_store_the_same(pool, stored):
-    plain = mb.MonteCarlo(60).bounds(simulator(response), BOX)
-    assert bits(mb.MonteCarlo(60).bounds(stored, BOX, executor=pool(2))) == bits(plain)
+    plain = bounded(mb.MonteCarlo(60), simulator(response), BOX)
+    assert bits(bounded(mb.MonteCarlo(60), stored, BOX, executor=pool(2))) == bits(plain)
 
 
 STUDY = """
@@ -159,7 +160,7 @@ def response(a, b):
     return np.column_stack([np.exp(-a * TIMES), np.sin(b * TIMES)])
 
 f = mb.FunctionSimulator(response, {"a": 1.0, "b": 1.0}, TIMES, ["x", "y"])
-bounds = mb.MonteCarlo(400).bounds(mb.StoredSimulator(f, sys.argv[1]), mb.Box(a=(0.5, 1.5), b=(0.8, 1.2)))
+bounds = bounded(mb.MonteCarlo(400), mb.StoredSimulator(f, sys.argv[1]), mb.Box(a=(0.5, 1.5), b=(0.8, 1.2)))
 bounds.save(sys.argv[3])
 """
 
@@ -240,9 +241,9 @@ PRAGMA user_version = 2;
 def test_files_of_version_2_are_taken_over(path):
     made, calls = counting()
     stored = mb.StoredSimulator(made, path)
-    first = mb.Scanning(3).bounds(stored, BOX)
+    first = bounded(mb.Scanning(3), stored, BOX)
     change(path, VERSION_2)
-    assert bits(mb.Scanning(3).bounds(stored, BOX)) == bits(first) and len(calls) == 9
+    assert bits(bounded(mb.Scanning(3), stored, BOX)) == bits(first) and len(calls) == 9
 
 
 def test_two_studies_at_once_lose_nothing(stored):
@@ -261,7 +262,7 @@ def test_what_has_no_identity_and_a_store_of_a_store_are_refused(stored, tmp_pat
 
 @pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
 def test_symmb_runs(path, stored, tmp_path, capsys):
-    mb.Scanning(3).bounds(stored, BOX)
+    bounded(mb.Scanning(3), stored, BOX)
     assert main(["runs", str(path)]) == 0
     titles, row = capsys.readouterr().out.splitlines()
     assert titles.split() == ["study", "simulator", "begun", "done", "failed", "timed", "out", "lost", "parameters"]
@@ -276,7 +277,7 @@ def test_symmb_runs(path, stored, tmp_path, capsys):
     assert main(["runs", str(path), "--prune", "failed"]) == 0
     assert "1 runs removed" in capsys.readouterr().out
     made, calls = counting(simulator(response).identity())
-    mb.Scanning(3).bounds(mb.StoredSimulator(made, path), BOX)
+    bounded(mb.Scanning(3), mb.StoredSimulator(made, path), BOX)
     assert calls == [(1.5, 1.2)]
 
 

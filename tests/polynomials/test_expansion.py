@@ -15,6 +15,7 @@ from textbook_functions import ishigami
 
 import symmb as mb
 from symmb import HyperbolicCross, TotalDegree
+from symmb.bound.bounds import bounded
 
 
 @pytest.mark.parametrize("nodes, error", [(mb.Gauss(), 1e-6), (mb.ClenshawCurtis(), 1e-5), (mb.Leja(), 2e-5)], ids=repr)
@@ -67,7 +68,7 @@ def test_moments_are_chaospy_s(d, order):
     nodes, weights = chaospy.generate_quadrature(order, distribution, rule="gaussian")
     theirs = chaospy.fit_quadrature(chaospy.generate_expansion(order, distribution), nodes, weights, f(nodes.T))
     simulator, box = unit_function(lambda x: f(x[None]), d, outputs=["a", "b", "c"])
-    found = mb.PolynomialChaos.paper(order).bounds(simulator, box).moments()
+    found = bounded(mb.PolynomialChaos.paper(order), simulator, box).moments()
     np.testing.assert_allclose(found.mean[0], chaospy.E(theirs, distribution), atol=1e-10)
     np.testing.assert_allclose(found.variance[0], chaospy.Var(theirs, distribution), atol=1e-10)
     np.testing.assert_allclose(found.first[:, 0], chaospy.Sens_m(theirs, distribution), atol=1e-10)

@@ -9,6 +9,7 @@ from scipy.optimize import minimize
 
 import symmb as mb
 from symmb import Bernstein, ChebyshevInclusion, Exact, LegendreInclusion
+from symmb.bound.bounds import bounded
 from symmb.bound.nodes.fit import Fit
 from symmb.bound.polynomials.chebyshev import LowerSet
 from symmb.bound.polynomials.legendre import basis_values, tensor_degree, total_degree
@@ -121,7 +122,7 @@ def test_the_cubic_by_every_inclusion(inclusion, low, high):
     assert_allclose([lower[0], upper[0]], [low, high], rtol=0, atol=1e-12 if inclusion != Bernstein(200) else 1e-5)
     chaos = mb.PolynomialChaos(order=3, range=inclusion)
     simulator = mb.FunctionSimulator(lambda x: [x**3 - 2 * x**2 + x], {"x": 0.5}, [0.0], ["f"])
-    bounds = chaos.bounds(simulator, mb.Box(x=(0, 1)))
+    bounds = bounded(chaos, simulator, mb.Box(x=(0, 1)))
     assert_allclose([bounds.lower[0, 0], bounds.upper[0, 0]], [lower[0], upper[0]], rtol=0, atol=1e-12)
 
 

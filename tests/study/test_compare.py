@@ -278,8 +278,8 @@ def test_given_methods_and_bounds_are_used_as_they_are():
 @pytest.mark.parametrize(
     ("bounds", "words"),
     [
-        (given(names=("z",)), "are z, but the outputs of the simulator are y"), (given(t=T[:-1]), "10 times"),
-        (given(t=T + 0.1), "same times"),
+        (given(names=("z",)), "has the outputs z, but the simulator has the outputs y"), (given(t=T[:-1]), "10 times"),
+        (given(t=T + 0.1), "at the same times"),
     ],
     ids=["names", "number", "times"],
 )  # fmt: skip
@@ -308,10 +308,10 @@ class Claim(Method):
     off: float = 0.0
     said: float = 0.0
 
-    def _bounds(self, simulator, box, executor, progress):
+    def bounds(self, runs):
         ends = TRUE[:, :1] - self.off, TRUE[:, 1:] + self.off
         more = {"estimate": np.full((len(TIMES), 1), self.said)} if self.kind == "estimate" else {"inner": ends}
-        return self._result(simulator, *ends, 1, **more)
+        return self._result(runs, *ends, 1, **more)
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@
 the polynomials or runs in `responses`.
 """
 
+from symmb.bound.bounds.box_runs import parameter_samples
 from symmb.bound.bounds.contributions import Contributions
 from symmb.bound.bounds.doubts import checked, doubted, far_intervals, idle_parameters
 from symmb.bound.bounds.laws import Laws
@@ -21,7 +22,7 @@ from symmb.bound.bounds.limits import (
     other_side,
     unit_suffix,
 )
-from symmb.bound.bounds.method import Method, parameter_samples, possible_values, units_of
+from symmb.bound.bounds.method import Method, bounded, possible_values, units_of
 from symmb.bound.bounds.optimization import Optimization
 from symmb.bound.bounds.polynomial_chaos import PolynomialChaos
 from symmb.bound.bounds.propagation import finished, propagate

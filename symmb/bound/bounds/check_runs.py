@@ -11,7 +11,7 @@ import numpy as np
 
 from symmb._magnitudes import SAME
 from symmb._types import Array, Executor, Indices, Mask
-from symmb.bound.bounds.method import parameter_samples
+from symmb.bound.bounds.box_runs import parameter_samples
 from symmb.bound.bounds.reductions import failure_records, gathered, which_failed
 from symmb.bound.bounds.result import Bounds
 from symmb.bound.bounds.time_windows import DOUBTFUL, rms

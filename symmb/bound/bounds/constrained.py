@@ -8,7 +8,8 @@ from symmb._errors import PropagationError
 from symmb._names import counted
 from symmb._types import Array, Executor, Indices
 from symmb.bound.bounds.allowed import FEW, allowed_points, first_points
-from symmb.bound.bounds.method import Method, parameter_samples
+from symmb.bound.bounds.box_runs import parameter_samples
+from symmb.bound.bounds.method import Method
 from symmb.bound.bounds.reductions import failure_details, gathered, which_failed
 from symmb.bound.bounds.result import Bounds
 from symmb.bound.polynomials.ranges import Piecewise

@@ -11,9 +11,10 @@ from symmb._magnitudes import ROUNDING, SAME
 from symmb._names import counted
 from symmb._types import Array, Executor
 from symmb._units import typeset, units_of_parameters, values_text, with_units
+from symmb.bound.bounds.box_runs import parameter_samples
 from symmb.bound.bounds.check_runs import check_doubts, some_corners
 from symmb.bound.bounds.joined import joined
-from symmb.bound.bounds.method import Method, parameter_samples
+from symmb.bound.bounds.method import Method
 from symmb.bound.bounds.reductions import gathered
 from symmb.bound.bounds.result import Bounds
 from symmb.bound.nodes import Sobol, corners

@@ -7,13 +7,11 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import PropagationError
-from symmb._types import Executor
+from symmb.bound.bounds.box_runs import RunsOverBox
 from symmb.bound.bounds.method import Method
 from symmb.bound.bounds.result import Bounds
 from symmb.bound.bounds.result_file import Kind
-from symmb.connect import Progress, Simulator
 from symmb.declare.symbolic import interpret
-from symmb.equations.model import Box
 from symmb.prove import Interval, operate, parameter_intervals
 
 
@@ -46,7 +44,8 @@ class IntervalArithmetic(Method):
     requires: ClassVar[str] = "expression"
     kind: ClassVar[Kind] = "enclosure"
 
-    def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
+    def bounds(self, runs: RunsOverBox) -> Bounds:
+        simulator, box = runs.simulator, runs.box
         # The attribute is read, because isinstance accepts a property that raises (from Python 3.12 on).
         f: ca.Function | None = getattr(simulator, "expression", None)
         if f is None:
@@ -60,4 +59,4 @@ class IntervalArithmetic(Method):
         lower, upper = np.zeros((2, len(simulator.times), len(simulator.outputs)))
         for row, value in zip(f.sparsity_out(0).row(), values, strict=True):
             lower[:, row], upper[:, row] = value.lower, value.upper
-        return self._result(simulator, lower, upper, 1)
+        return self._result(runs, lower, upper, 1)

@@ -9,15 +9,14 @@ import numpy as np
 from symmb._errors import PropagationError
 from symmb._magnitudes import SAME
 from symmb._options import constructor_text, require_between, require_whole
-from symmb._types import Array, Executor
-from symmb.bound.bounds.method import Method, parameter_samples, unit_jets
+from symmb._types import Array
+from symmb.bound.bounds.box_runs import RunsOverBox, parameter_samples
+from symmb.bound.bounds.method import Method
 from symmb.bound.bounds.quadratic_models import quadratics
 from symmb.bound.bounds.reductions import extremes, failure_details, failures, together
 from symmb.bound.bounds.result import Bounds
 from symmb.bound.bounds.result_file import Kind
 from symmb.bound.nodes import corners
-from symmb.connect import Progress, Simulator
-from symmb.equations.model import Box
 
 _SIGNS = np.array([1.0, -1.0]).reshape(2, 1, 1)
 """The two signs of a response: minima of y and of -y give its minimum and its maximum."""
@@ -71,30 +70,28 @@ class Optimization(Method):
         require_whole(self, "budget", 1)
         require_between(self, "tolerance", "()", 0.0, 1.0)
 
-    def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
-        shape = len(simulator.times), len(simulator.outputs)
-        points, attained, predicted, before, runs = self._descended(simulator, box, progress)
+    def bounds(self, runs: RunsOverBox) -> Bounds:
+        simulator, box, shape = runs.simulator, runs.box, runs.shape
+        points, attained, predicted, before, evaluations = self._descended(runs)
         P = parameter_samples(simulator, box, points)
-        (lower, upper, _), bad = simulator.stream(P, together(extremes(simulator), failures()), executor)
+        (lower, upper, _), bad = simulator.stream(P, together(extremes(simulator), failures()), runs.executor)
         attained = np.minimum(attained, np.concatenate([lower.ravel(), -upper.ravel()]))
         estimate = np.abs(attained - predicted) + np.abs(predicted - before)
         lower, upper = attained.reshape(2, *shape) * _SIGNS
         return self._result(
-            simulator,
+            runs,
             lower,
             upper,
-            runs + len(P),
+            evaluations + len(P),
             estimate=estimate.reshape(2, *shape).max(axis=0),
             inner=(lower, upper),
             **failure_details(simulator, box, points, P, bad),
         )
 
-    def _descended(
-        self, simulator: Simulator, box: Box, progress: Progress | None
-    ) -> tuple[Array, Array, Array, Array, int]:
+    def _descended(self, runs: RunsOverBox) -> tuple[Array, Array, Array, Array, int]:
         """Points for further runs, smallest values of the runs with derivatives, the last two predictions, and
         evaluations. A maximum of y is a minimum of -y: the arrays contain all y, then all -y."""
-        d, shape = len(box), (len(simulator.times), len(simulator.outputs))
+        d, shape = len(runs.box), runs.shape
         cost = 1 + d
         most = self.budget // 2 // cost
         if not most:
@@ -108,7 +105,7 @@ class Optimization(Method):
         attained, predicted = np.full(2 * n, np.inf), None
         lowest, falling = np.zeros(2 * n, dtype=int), np.ones(2 * n, dtype=bool)
         while True:
-            for x, jets in zip(new, self._jets(simulator, box, new), strict=True):
+            for x, jets in zip(new, self._jets(runs, new), strict=True):
                 values = np.concatenate([jets[:, 0], -jets[:, 0]])
                 better = np.flatnonzero(values < attained)
                 attained[better], lowest[better] = values[better], len(J)
@@ -117,8 +114,8 @@ class Optimization(Method):
                 falling[better] = (x * np.sign(slopes) > SAME - 1.0).any(axis=1)
                 J.append(jets)
             X = np.concatenate([X, new])
-            if progress is not None:
-                progress(len(X) * cost, self.budget)
+            if runs.progress is not None:
+                runs.progress(len(X) * cost, self.budget)
             some = np.flatnonzero(falling)
             models = quadratics(X, J, some, lowest[some])
             least = self.tolerance * np.tile(_widths(attained.reshape(2, *shape), J[0]).ravel(), 2)[some]
@@ -128,13 +125,13 @@ class Optimization(Method):
             # Number of runs between two fits. Smaller numbers use runs better, but each fit takes time.
             new = models.promising(least, min(8, most - len(X)))
             if not len(new):
-                runs = len(X) * cost
-                return models.promising(least, self.budget - runs), attained, predicted, before, runs
+                evaluations = len(X) * cost
+                return models.promising(least, self.budget - evaluations), attained, predicted, before, evaluations
 
-    def _jets(self, simulator: Simulator, box: Box, points: Array) -> Array:
+    def _jets(self, runs: RunsOverBox, points: Array) -> Array:
         """Values and slopes (N, n_t n_y, 1 + d) of all outputs and times at points (N, d)."""
         N, d = points.shape
-        Y, slopes = unit_jets(self, simulator, box, points.repeat(d, axis=0), np.tile(np.eye(d), (N, 1)), 1)
+        Y, slopes = runs.unit_jets(points.repeat(d, axis=0), np.tile(np.eye(d), (N, 1)), 1)
         return np.stack([Y[::d], *(slopes[i::d] for i in range(d))], axis=-1).reshape(N, -1, 1 + d)
 
     def __repr__(self) -> str:

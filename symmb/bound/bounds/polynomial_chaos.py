@@ -17,9 +17,10 @@ from symmb._options import (
 )
 from symmb._types import Array, Executor, Mask
 from symmb.bound.bounds.adaptive import adaptive_bounds
+from symmb.bound.bounds.box_runs import RunsOverBox, parameter_samples
 from symmb.bound.bounds.constrained import constrained
 from symmb.bound.bounds.failures import Failure, failed_region, failure_text
-from symmb.bound.bounds.method import Method, parameter_samples
+from symmb.bound.bounds.method import Method, bounded
 from symmb.bound.bounds.recorded import recorded_bounds
 from symmb.bound.bounds.reductions import (
     extremes,
@@ -147,17 +148,18 @@ class PolynomialChaos(Method):
     def planned_runs(self, d: int) -> int | None:
         return None if self.order is None else getattr(self.nodes, "size", lambda *_: None)(d, self.order)
 
-    def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
+    def bounds(self, runs: RunsOverBox) -> Bounds:
+        simulator, box, executor, progress = runs.simulator, runs.box, runs.executor, runs.progress
         if isinstance(simulator, RecordedRuns) and self == PolynomialChaos():
             require_only_intervals(repr(simulator), box)
             return recorded_bounds(repr(self), simulator, box)
         if self.order is None and not box.radius.any():
-            bounds = sampled(self, np.zeros((1, len(box))), simulator, box, executor, progress)
+            bounds = sampled(self, np.zeros((1, len(box))), runs)
             noise = noise_from_runs(simulator)
             estimate = np.zeros_like(bounds.lower) + (0.0 if noise is None else noise)
             return replace(bounds, estimate=estimate, noise=noise, range_of="one run")
         if box.constraints:
-            whole = self.bounds(simulator, box.hull, executor=executor, progress=progress)
+            whole = bounded(self, simulator, box.hull, executor=executor, progress=progress)
             return constrained(self, whole, simulator, box, executor)
         if self.order is None:
             require_runs(self, self.probes, "Use fewer probes.")
@@ -174,8 +176,7 @@ class PolynomialChaos(Method):
             coefficients, inner, ok, failed = self._marched(fit, P, simulator, box, progress)
         else:
             coefficients, inner, ok, failed = self._streamed(fit, P, simulator, box, executor, progress)
-        shape = len(simulator.times), len(simulator.outputs)
-        noise = noise_from_runs(simulator)
+        shape, noise = runs.shape, noise_from_runs(simulator)
         with np.errstate(over="ignore"):
             widest = (inner[1] - inner[0]).max(axis=0)
         is_noise = np.zeros(shape[1], dtype=bool) if noise is None else widest <= 2 * noise
@@ -187,7 +188,7 @@ class PolynomialChaos(Method):
         exact = isinstance(self.range, Exact)
         details["surrogate"] = Piecewise.whole(expansion, last_terms(expansion), exact)
         details["failed_region"] = failed_region(box, fit.nodes, ~ok)
-        return self._result(simulator, lower, upper, len(P), **details)
+        return self._result(runs, lower, upper, len(P), **details)
 
     def _range(self, expansion: Expansion) -> tuple[Array, Array]:
         """Lower and upper bounds (m,) of all responses. No products of very large or very small numbers are formed."""

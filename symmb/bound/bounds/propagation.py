@@ -11,7 +11,7 @@ from symmb._types import Executor
 from symmb._units import units_of_parameters
 from symmb.bound.bounds.doubts import checked, doubted, far_intervals
 from symmb.bound.bounds.joined import joined
-from symmb.bound.bounds.method import Method
+from symmb.bound.bounds.method import Method, bounded
 from symmb.bound.bounds.polynomial_chaos import PolynomialChaos
 from symmb.bound.bounds.registry import method_of
 from symmb.bound.bounds.result import Bounds
@@ -79,7 +79,7 @@ def propagate(
         far = tuple(far_intervals(simulator, box))
         warn_of(far, "propagate")  # now, because such a study may take long
         try:
-            bounds = method.bounds(simulator, box, executor=executor, progress=progress)
+            bounds = bounded(method, simulator, box, executor=executor, progress=progress)
         except PropagationError as error:
             causes = list(far)
             if isinstance(simulator, SceneSimulator) and simulator.scene is not None:  # None in a pickled copy

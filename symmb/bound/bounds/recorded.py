@@ -10,8 +10,8 @@ from symmb._magnitudes import ROUNDING, SAME
 from symmb._names import ByName, counted
 from symmb._types import Array, Mask
 from symmb._units import units_of_parameters
+from symmb.bound.bounds.box_runs import parameter_columns
 from symmb.bound.bounds.failures import failed_region, failure_text
-from symmb.bound.bounds.method import parameter_columns
 from symmb.bound.bounds.reductions import failure_records, gathered
 from symmb.bound.bounds.result import Bounds
 from symmb.bound.bounds.sparse_regression import GROUPS, SparseFit, Terms

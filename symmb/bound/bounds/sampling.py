@@ -9,16 +9,15 @@ import numpy as np
 from symmb._errors import DeclarationError, PropagationError
 from symmb._limits import require_memory, require_runs
 from symmb._options import constructor_text, require_instance, require_kind, require_whole
-from symmb._types import Array, Executor
+from symmb._types import Array
 from symmb.bound.bounds.allowed import allowed_points
+from symmb.bound.bounds.box_runs import RunsOverBox, parameter_samples
 from symmb.bound.bounds.laws import Correlation, Laws, given_once, laws_text
-from symmb.bound.bounds.method import Method, parameter_samples
+from symmb.bound.bounds.method import Method
 from symmb.bound.bounds.reductions import extremes, failure_details, failures, require_some, together
 from symmb.bound.bounds.result import Bounds
 from symmb.bound.bounds.result_file import Kind
 from symmb.bound.nodes import Random, Sampler, grid
-from symmb.connect import Progress, Simulator
-from symmb.equations.model import Box
 
 _RANDOM = Random()
 
@@ -82,14 +81,14 @@ class MonteCarlo(Method):
     def planned_runs(self, d: int) -> int:
         return self.samples
 
-    def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
+    def bounds(self, runs: RunsOverBox) -> Bounds:
         require_runs(self, self.samples, "Use fewer samples.")
-        require_memory(self, "the samples", self.samples * (2 * len(box) + len(simulator.parameters)))
-        points, laws = self.sampler.points(self.samples, len(box), self.seed), None
+        require_memory(self, "the samples", self.samples * (2 * len(runs.box) + len(runs.simulator.parameters)))
+        points, laws = self.sampler.points(self.samples, len(runs.box), self.seed), None
         if self.laws is not None:
-            laws = Laws.of(repr(self), self.laws, self.correlation, box)
-            points[:, laws.columns] = laws.unit_points((points[:, laws.columns] + 1) / 2, box)
-        bounds = sampled(self, points, simulator, box, executor, progress)
+            laws = Laws.of(repr(self), self.laws, self.correlation, runs.box)
+            points[:, laws.columns] = laws.unit_points((points[:, laws.columns] + 1) / 2, runs.box)
+        bounds = sampled(self, points, runs)
         return bounds if laws is None else replace(bounds, remarks=laws.remarks)
 
     def __repr__(self) -> str:
@@ -126,8 +125,8 @@ class Scanning(Method):
     def planned_runs(self, d: int) -> int:
         return self.points**d
 
-    def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
-        return _scanned(self, self.points, simulator, box, executor, progress)
+    def bounds(self, runs: RunsOverBox) -> Bounds:
+        return _scanned(self, self.points, runs)
 
     def __repr__(self) -> str:
         return constructor_text(self, str(self.points))
@@ -149,28 +148,25 @@ class Vertex(Method):
     def planned_runs(self, d: int) -> int:
         return 2**d
 
-    def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
-        return _scanned(self, 2, simulator, box, executor, progress)
+    def bounds(self, runs: RunsOverBox) -> Bounds:
+        return _scanned(self, 2, runs)
 
 
-def _scanned(
-    method: Method, points: int, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None
-) -> Bounds:
-    d, runs = len(box), points ** len(box)
-    require_runs(method, runs, "Use PolynomialChaos() or MonteCarlo(...).")
-    require_memory(method, "the points", runs * (2 * d + len(simulator.parameters)))
-    return sampled(method, grid(np.linspace(-1.0, 1.0, points), d), simulator, box, executor, progress)
+def _scanned(method: Method, points: int, runs: RunsOverBox) -> Bounds:
+    d, number = len(runs.box), points ** len(runs.box)
+    require_runs(method, number, "Use PolynomialChaos() or MonteCarlo(...).")
+    require_memory(method, "the points", number * (2 * d + len(runs.simulator.parameters)))
+    return sampled(method, grid(np.linspace(-1.0, 1.0, points), d), runs)
 
 
-def sampled(
-    method: Method, unit: Array, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None
-) -> Bounds:
+def sampled(method: Method, unit: Array, runs: RunsOverBox) -> Bounds:
     """The extremes of runs at the points (N, d) of the unit box that are allowed."""
+    simulator, box = runs.simulator, runs.box
     if not len(unit := allowed_points(box, unit)):
         raise PropagationError(f"{method!r}: no sample satisfies all constraints of the box.")
     P = parameter_samples(simulator, box, unit)
     reduction = together(extremes(simulator), failures())
-    (lower, upper, _), bad = simulator.stream(P, reduction, executor, progress)
+    (lower, upper, _), bad = simulator.stream(P, reduction, runs.executor, runs.progress)
     details = failure_details(simulator, box, unit, P, bad)
     require_some(method, details["failed"], len(P))
-    return method._result(simulator, lower, upper, len(P), inner=(lower, upper), **details)
+    return method._result(runs, lower, upper, len(P), inner=(lower, upper), **details)

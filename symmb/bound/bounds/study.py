@@ -10,7 +10,8 @@ import numpy as np
 from symmb._errors import DeclarationError, PropagationError
 from symmb._progress import shown_runs
 from symmb._types import Array, Executor
-from symmb.bound.bounds.method import parameter_samples
+from symmb.bound.bounds.box_runs import parameter_samples
+from symmb.bound.bounds.method import bounded
 from symmb.bound.bounds.polynomial_chaos import PolynomialChaos
 from symmb.bound.bounds.reductions import FailedRuns, gathered
 from symmb.bound.bounds.result import Bounds
@@ -106,7 +107,7 @@ class Study:
     def adaptive(self) -> Bounds:
         """Bounds over the box by PolynomialChaos()."""
         with shown_runs(None, "a study with PolynomialChaos()") as progress:
-            return PolynomialChaos().bounds(self.simulator, self.box, progress=progress)
+            return bounded(PolynomialChaos(), self.simulator, self.box, progress=progress)
 
     @cached_property
     def nominal(self) -> tuple[Array | None, Array | None]:
@@ -120,7 +121,7 @@ class Study:
         Parameters outside of the box have their nominal values. The progress bar shows `label`.
         """
         with shown_runs(None, f"{label}, {', '.join(box.names)}") as progress:
-            bounds = PolynomialChaos().bounds(self.simulator, box, progress=progress)
+            bounds = bounded(PolynomialChaos(), self.simulator, box, progress=progress)
         assert bounds.estimate is not None
         return bounds.lower, bounds.upper, bounds.estimate, bounds.evaluations
 

@@ -9,14 +9,14 @@ import numpy as np
 
 from symmb._limits import require_memory, require_runs
 from symmb._options import constructor_text, require_whole
-from symmb._types import Array, Executor, Indices, Mask
+from symmb._types import Array, Indices, Mask
+from symmb.bound.bounds.box_runs import RunsOverBox, parameter_samples
 from symmb.bound.bounds.failures import Failure, failed_region
-from symmb.bound.bounds.method import Method, parameter_samples
+from symmb.bound.bounds.method import Method
 from symmb.bound.bounds.reductions import extremes, failure_records, failures, require_some, together, which_failed
 from symmb.bound.bounds.result import Bounds
 from symmb.bound.bounds.result_file import Kind
-from symmb.connect import Progress, Reduction, Samples, Simulator
-from symmb.equations.model import Box
+from symmb.connect import Reduction, Samples
 
 _CONSTRICTION, _PULL = 0.7298, 2.05
 """Factor on the velocity, and largest acceleration factor towards the best points of a particle and of its swarm: Clerc
@@ -60,13 +60,13 @@ class Swarm(Method):
         require_whole(self, "steps", 1)
         require_whole(self, "seed", 0)
 
-    def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
-        n_t, n_y, d = len(simulator.times), len(simulator.outputs), len(box)
+    def bounds(self, runs: RunsOverBox) -> Bounds:
+        simulator, box, (n_t, n_y), d = runs.simulator, runs.box, runs.shape, len(runs.box)
         random = np.random.default_rng(self.seed)
         shape = 2 * n_t * n_y, self.particles, d
-        runs = shape[0] * self.particles
-        require_runs(self, self.steps * runs, "Use fewer times, particles or steps.")
-        require_memory(self, "the positions of all particles", self.steps * runs * d)
+        number = shape[0] * self.particles
+        require_runs(self, self.steps * number, "Use fewer times, particles or steps.")
+        require_memory(self, "the positions of all particles", self.steps * number * d)
         watched = Reduction(tuple, partial(_watch, n_t * n_y, self.particles), operator.add)
         reduction = together(watched, extremes(simulator), failures())
         x, velocity = random.uniform(-1.0, 1.0, shape), np.zeros(shape)
@@ -75,14 +75,14 @@ class Swarm(Method):
         failed: tuple[Failure, ...] = ()
         points, lost = list[Array](), list[Mask]()
         for step in range(self.steps):
-            P = parameter_samples(simulator, box, x.reshape(runs, d))
-            values, (low, high, _), bad = simulator.stream(P, reduction, executor)
+            P = parameter_samples(simulator, box, x.reshape(number, d))
+            values, (low, high, _), bad = simulator.stream(P, reduction, runs.executor)
             lower, upper = np.minimum(lower, low), np.maximum(upper, high)
             failed += failure_records(simulator, box, P, bad)
-            points.append(x.reshape(runs, d))
-            lost.append(which_failed(bad, runs))
-            if progress is not None:
-                progress((step + 1) * runs, self.steps * runs)
+            points.append(x.reshape(number, d))
+            lost.append(which_failed(bad, number))
+            if runs.progress is not None:
+                runs.progress((step + 1) * number, self.steps * number)
             value = np.concatenate(values).reshape(shape[:2])
             better = value < least
             own[better], least[better] = x[better], value[better]
@@ -90,10 +90,10 @@ class Swarm(Method):
             pull = random.uniform(0.0, _PULL, shape) * (own - x) + random.uniform(0.0, _PULL, shape) * (common - x)
             moved = np.clip(x + _CONSTRICTION * (velocity + pull), -1.0, 1.0)
             x, velocity = moved, moved - x
-        require_some(self, failed, self.steps * runs)
+        require_some(self, failed, self.steps * number)
         region = failed_region(box, np.concatenate(points), np.concatenate(lost))
         details = {"inner": (lower, upper), "failed": failed, "failed_region": region}
-        return self._result(simulator, lower, upper, self.steps * runs, **details)
+        return self._result(runs, lower, upper, self.steps * number, **details)
 
     def __repr__(self) -> str:
         return constructor_text(self)

@@ -10,16 +10,17 @@ import numpy as np
 from symmb._errors import PropagationError
 from symmb._limits import require_memory, require_runs
 from symmb._options import constructor_text, require_whole
-from symmb._types import Array, Executor
+from symmb._types import Array
+from symmb.bound.bounds.box_runs import RunsOverBox, parameter_samples
 from symmb.bound.bounds.check_runs import MOST_NUMBERS
-from symmb.bound.bounds.method import Method, parameter_samples, unit_jets
+from symmb.bound.bounds.method import Method
 from symmb.bound.bounds.result import Bounds
 from symmb.bound.bounds.result_file import Kind
 from symmb.bound.bounds.time_windows import DOUBTFUL
 from symmb.bound.nodes import Grid, grid
 from symmb.bound.polynomials import Expansion, MultiIndices, TotalDegree, homogeneous
 from symmb.bound.polynomials.ranges import Piecewise, last_terms
-from symmb.connect import Kinked, Progress, Simulator, noise_from_runs
+from symmb.connect import Kinked, noise_from_runs
 from symmb.equations.model import Box
 
 _MOST_EVALUATIONS = 100_000
@@ -78,8 +79,8 @@ class Taylor(Method):
     def planned_runs(self, d: int) -> int:
         return self.subintervals**d * math.comb(d + self.order, d)
 
-    def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
-        d = len(box)
+    def bounds(self, runs: RunsOverBox) -> Bounds:
+        simulator, box, d = runs.simulator, runs.box, len(runs.box)
         directions = math.comb(d + self.order - 1, self.order)
         if directions > _MOST_DIRECTIONS:
             raise PropagationError(
@@ -106,7 +107,7 @@ class Taylor(Method):
         kept = self.planned_runs(d) * outputs <= MOST_NUMBERS
         parts = list[list[Array]]()
         for done, center in enumerate(centers, start=1):
-            jets = unit_jets(self, simulator, box, center, unit * radius, self.order)
+            jets = runs.unit_jets(center, unit * radius, self.order)
             part = self._coefficients(jets, unit)
             below, above = _range(part)
             if kept:
@@ -120,11 +121,11 @@ class Taylor(Method):
                     noise = noise_from_runs(simulator)
                     least = DOUBTFUL * (above - below).max(axis=0) + (0.0 if noise is None else 2 * noise)
                     kinks += own if not (off <= least).all() else []
-            if progress is not None:
-                progress(done, len(centers))
+            if runs.progress is not None:
+                runs.progress(done, len(centers))
         surrogate = _polynomials(parts, centers, radius, box) if kept else None
         details = {"caution": _caution(kinks), "surrogate": surrogate}
-        return self._result(simulator, lower, upper, self.planned_runs(d), **details)
+        return self._result(runs, lower, upper, self.planned_runs(d), **details)
 
     def _coefficients(self, jets: Array, unit: Array) -> list[Array]:
         """Coefficients (n_b, n_t, n_y) of each degree from jets along the directions ``unit`` (m, d)."""

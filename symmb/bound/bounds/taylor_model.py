@@ -11,12 +11,11 @@ import numpy as np
 from symmb._errors import PropagationError, SymmbWarning
 from symmb._limits import require_runs
 from symmb._options import constructor_text, require_whole
-from symmb._types import Array, Executor, Mask
+from symmb._types import Array, Mask
+from symmb.bound.bounds.box_runs import RunsOverBox
 from symmb.bound.bounds.method import Method
 from symmb.bound.bounds.result import Bounds
 from symmb.bound.bounds.result_file import Kind
-from symmb.connect import Progress, Simulator
-from symmb.equations.model import Box
 from symmb.prove import EXTRA_NODES, NO_START, SINGULAR, Enclosure, enclose, problem_of
 
 _PARTS_OF_PROGRESS = 1000
@@ -96,7 +95,8 @@ class TaylorModel(Method):
         require_whole(self, "order", 1, 60)
         require_whole(self, "boxes", 1)
 
-    def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
+    def bounds(self, runs: RunsOverBox) -> Bounds:
+        simulator, box = runs.simulator, runs.box
         problem = problem_of(self, simulator, box)
         if not problem.n:
             self._require_room(problem.d)
@@ -107,20 +107,19 @@ class TaylorModel(Method):
 
         def tell(share: float) -> None:
             outlook.note(share)
-            if progress is not None:
-                progress(min(int(share * _PARTS_OF_PROGRESS), _PARTS_OF_PROGRESS), _PARTS_OF_PROGRESS)
+            if runs.progress is not None:
+                runs.progress(min(int(share * _PARTS_OF_PROGRESS), _PARTS_OF_PROGRESS), _PARTS_OF_PROGRESS)
 
         require_runs(self, self.boxes, "Use fewer boxes.")
-        found = enclose(problem, self.order, self.boxes, executor, tell)
+        found = enclose(problem, self.order, self.boxes, runs.executor, tell)
         tell(1.0)
-        times, outputs = np.asarray(simulator.times, dtype=float), tuple(simulator.outputs)
         few = not problem.n or NO_START in found.why or SINGULAR in found.why
         remedy = "; try smaller intervals" if few else "; try a higher order, more boxes or smaller intervals"
         remedy = f". {problem.meeting}" if problem.meeting else remedy
-        caution = _caution(found, remedy, times, outputs, problem.refused)
+        caution = _caution(found, remedy, runs.times, runs.outputs, problem.refused)
         varied = [name for name, (low, high) in zip(box.names, box.bounds, strict=True) if low < high]
         remarks = _orders(self.order, dict(zip(varied, found.orders, strict=True)) if problem.n else {})
-        return self._result(simulator, found.lower, found.upper, found.boxes, caution=caution, remarks=remarks)
+        return self._result(runs, found.lower, found.upper, found.boxes, caution=caution, remarks=remarks)
 
     def _require_room(self, d: int) -> None:
         """Raise PropagationError if polynomials of outputs in d parameters have too many terms.

@@ -104,7 +104,8 @@ def _draw_errors(
     numbers: list[tuple[float, float, str, str]] = []
     for k, group in enumerate(families):
         settings = sorted(group, key=lambda curve: curve.evaluations)
-        points = [(own.seconds, y, own.evaluations) for own in settings if (y := largest_error(own, measured)) < np.inf]
+        errors = [(own, largest_error(own, measured)) for own in settings]
+        points = [(own.seconds, y, own.evaluations) for own, y in errors if y < np.inf and own.seconds > 0]
         if points:
             _draw_family(axes, [(x, y) for x, y, _ in points], floor, k, colours[k], texts[k])
             numbers += [(x, max(y, floor), str(n), colours[k]) for x, y, n in points]

@@ -48,6 +48,8 @@ def simulator_of(
             f"box: {shown(box)} is not a Box. Write Box(l1=(0.95, 1.05)), or Box(**intervals) for a dict."
         )
     simulator = simulator_for("", subject, solver, times, outputs, device)
+    if not len(simulator.outputs):
+        raise DeclarationError(f'{subject!r} has no outputs. Give some, as in Scene(..., outputs={{"x": body.x}}).')
     return simulator, box.with_units(units_of_parameters(simulator.parameters))
 
 

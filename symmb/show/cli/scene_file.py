@@ -1,6 +1,7 @@
 """Scenes from a Python or URDF file, or by name, and the option `--set`. Errors are reported in one sentence."""
 
 import argparse
+import importlib
 import importlib.util
 import sys
 import traceback
@@ -92,6 +93,29 @@ def load_subject(given: str, numbers: Iterable[str] = ()) -> tuple[Scene | Simul
     if not isinstance(study, tuple) or [*map(type, study[1:])] != [Box] or not hasattr(study[0], "stream"):
         raise DeclarationError(f"{path}: simulator() must return a pair, a simulator and its symmb.Box.")
     return study
+
+
+def value_in_module(module: str, name: str) -> Any:
+    """A value in a module of the user: in a file of the current folder, or in an installed module.
+
+    DeclarationError is raised if the module or the name does not exist, or if the module raises an exception.
+    """
+    path = Path(*module.split(".")).with_suffix(".py")
+    if path.is_file():
+        found = _module(path.resolve())
+    else:
+        try:
+            found = importlib.import_module(module)
+        except ModuleNotFoundError as error:
+            raise DeclarationError(
+                f"{module}:{name}: there is no method {module!r}, no file {path} in this folder, and no module "
+                f"{error.name}."
+            ) from error
+        except Exception as error:
+            raise DeclarationError(f"{module}:{name}: the module raised {text_of(error)}.") from error
+    if not hasattr(found, name):
+        raise DeclarationError(f"{module}:{name}: the module has no {name!r}.{did_you_mean(name, vars(found))}")
+    return getattr(found, name)
 
 
 def _module(path: Path) -> ModuleType:

@@ -2,11 +2,28 @@
 
 from collections.abc import Sequence
 
+from symmb._errors import DeclarationError
 from symmb._specs import Spec
-from symmb.bound.bounds import METHODS, read_method
+from symmb.bound.bounds import METHODS, Method, method_of, read_method
 from symmb.run.integrate import SOLVERS, WORDS, Solver, read_solver
+from symmb.show.cli.scene_file import value_in_module
 
-method = read_method
+
+def method(text: str) -> Method:
+    """The method of a text, such as "pce:4", or "module:Name" for a class or an object in a module of the user."""
+    module, _, name = text.partition(":")
+    if not name.isidentifier() or module in {entry.word for entry in METHODS}:
+        return read_method(text)
+    found = value_in_module(module, name)
+    if isinstance(found, type) and issubclass(found, Method):
+        try:
+            found = found()
+        except TypeError as error:
+            raise DeclarationError(
+                f"{text}: the class cannot be called without arguments ({error}). Name an object of the class, such as "
+                f"mine = {name}(...) in {module}.py by {module}:mine."
+            ) from error
+    return method_of(text, found)
 
 
 def solver(text: str | None) -> Solver | None:
@@ -27,4 +44,5 @@ def solver_table() -> str:
 
 def method_table() -> str:
     """The table of methods."""
-    return table("methods", METHODS)
+    own = "  MODULE:NAME".ljust(max(len(spec.form) for spec in METHODS) + 4)
+    return f"{table('methods', METHODS)}\n{own}a method of your own, a subclass of mb.Method"

@@ -30,7 +30,8 @@ def _parts(comparison: Comparison, command: str) -> Iterator[str]:
     ]
     yield assumed(comparison.box, {})
     yield settings_table(settings)
-    runs, took = sum(row.evaluations for row in comparison.rows), sum(row.run_seconds for row in comparison.rows)
+    runs = sum(row.evaluations for row in comparison.rows)
+    took = sum(row.run_seconds for row in comparison.rows if row.run_seconds > 0)
     cost = f"The methods made {runs} runs in {took:.3g} s. The reference: {comparison._reference()}."
     yield section("Cost", document.note(cost))
     subject = "scene" if comparison.solver else "simulator"

@@ -10,8 +10,8 @@ from symmb._magnitudes import LAST_DIGITS, SAME
 from symmb._types import Array, Executor, Indices, Mask
 from symmb.bound.bounds.adaptive.check_points import FEW_SHAPES, SAFETY, SHAPE_RUNS, count_shapes, quasi_random_points
 from symmb.bound.bounds.adaptive.clock import Clock
+from symmb.bound.bounds.box_runs import parameter_samples
 from symmb.bound.bounds.failures import Failure, failure_text, find_failed_region
-from symmb.bound.bounds.method import parameter_samples
 from symmb.bound.bounds.reductions import failure_records
 from symmb.bound.bounds.time_windows import DOUBTFUL, rests_for_a_time, rms
 from symmb.bound.nodes import Grid
