@@ -66,9 +66,10 @@ class StoredSimulator(WithWarnings):
     >>> t, calls = np.linspace(0.0, 1.0, 3), []
     >>> decay = mb.FunctionSimulator(lambda k: calls.append(k) or np.exp(-k * t), {"k": 1.0}, t, ["x"])
     >>> stored = mb.StoredSimulator(decay, tempfile.mkdtemp() + "/runs.db")
-    >>> for method in (mb.Vertex(), mb.Scanning(3)):
-    ...     bounds = mb.propagate(stored, method, mb.Box(k=(0.5, 2.0)))
-    >>> len(calls)
+    >>> for _ in range(2):
+    ...     bounds = mb.propagate(stored, mb.Vertex(), mb.Box(k=(0.5, 2.0)))
+    ...     print(len(calls))
+    3
     3
     """
 
