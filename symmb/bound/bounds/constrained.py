@@ -57,6 +57,7 @@ def constrained(method: Method, whole: Bounds, simulator: Simulator, box: Box, e
         lower=np.minimum(lower, inner[0]),
         upper=np.maximum(upper, inner[1]),
         estimate=np.maximum(whole.surrogate.error, missed) + search,
+        trace=None,
         inner=inner,
         evaluations=whole.evaluations + len(P),
         nominal=None,

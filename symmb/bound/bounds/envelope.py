@@ -14,6 +14,7 @@ from symmb.bound.bounds.failures import Failure
 from symmb.bound.bounds.responses import Runs
 from symmb.bound.bounds.result_file import INNER, Kind, box_of, kind_of
 from symmb.bound.bounds.time_windows import DOUBTFUL, is_doubtful, is_doubtful_in_window
+from symmb.bound.bounds.trace import Trace
 from symmb.bound.bounds.worst_case import AttainingRuns, WorstCase
 from symmb.bound.polynomials import Expansion
 from symmb.bound.polynomials.ranges import Piecewise
@@ -55,6 +56,7 @@ class Envelope(WithWarnings):
     attaining: AttainingRuns | None = field(default=None, metadata=NOT_KEPT)
     worst_cases: tuple[WorstCase, ...] = field(default=(), metadata=NOT_KEPT)
     figures: tuple[str, ...] = ()
+    trace: Trace | None = field(default=None, metadata=NOT_KEPT)
     next_run: Mapping[str, float] | None = None
     parts: tuple[Any, ...] = field(default=(), metadata=NOT_KEPT)
     lost: Mapping[str, str] = field(default_factory=dict, metadata=NOT_KEPT)

@@ -12,17 +12,27 @@ from symmb._errors import DeclarationError
 from symmb._labelled import ByOutput, Counted, Labelled, NamedColumns, Result
 from symmb._magnitudes import ROUNDING
 from symmb._names import look_up_by_name
-from symmb._options import require_truth
+from symmb._options import require_numbers, require_truth
 from symmb._presentation import presentation
 from symmb._progress import shown_runs
-from symmb._table import aligned, over_times, span_text
+from symmb._table import aligned, is_timeless, over_times, span_text
 from symmb._units import headings, told_names, with_units
 from symmb.bound.bounds import result_file
 from symmb.bound.bounds.answers import Answers
 from symmb.bound.bounds.between_times import with_peaks
 from symmb.bound.bounds.failures import failure_text
 from symmb.bound.bounds.joined import joined_limits
-from symmb.bound.bounds.limits import KeptLimit, LimitCheck, Limits, closest, kept_limit, limit_pairs, other_side
+from symmb.bound.bounds.limits import (
+    KeptLimit,
+    LimitCheck,
+    Limits,
+    closest,
+    kept_limit,
+    limit_pairs,
+    other_side,
+    unit_suffix,
+)
+from symmb.bound.bounds.trace import RULES
 from symmb.bound.bounds.worst_case import WorstCase
 from symmb.results import plot
 from symmb.results.files import Record, Saved, Table, attributes, entries
@@ -71,6 +81,7 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
     range_of : source of the range of an adaptive method, such as runs at corners; empty for other methods
     parts : bounds of each combination of the choices of the box; empty if there are no choices
     lost : errors of combinations without bounds, by their words, as "spring: hard"; empty in bounds from a file
+    trace : rounds of an adaptive study with the rule that decides each error; None for other methods. See `why`
     next_run : parameters at which one more run would reduce the error most, for bounds of RecordedRuns; otherwise None
 
     Examples
@@ -133,6 +144,47 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
         remarks = (*self._about_nominal(), *filter(None, others), *between)
         return LimitCheck(self.t, self.method, tuple(checked), self, worst, remarks)
 
+    def why(self, output: str, time: float | None = None) -> str:
+        """Where the estimated error of an output comes from, and what would reduce it, in two sentences.
+
+        Parameters
+        ----------
+        output : name of the output
+        time : time [s], of which the nearest output time is used; default: the time of the largest error
+
+        Raises
+        ------
+        DeclarationError
+            If the output is unknown, or the time is not a finite number.
+
+        Examples
+        --------
+        >>> import numpy as np, symmb as mb
+        >>> t = np.array([1.0, 2.0])
+        >>> waves = mb.FunctionSimulator(lambda w: np.sin(w * t), {"w": 1.0}, t, ["x"])
+        >>> why = mb.propagate(waves, box=mb.Box(w=(0.8, 1.2))).why("x", 1.0)
+        >>> why.partition(": ")[2].partition(". ")[0]
+        'it follows from the last coefficients of the polynomial and from their decay'
+        """
+        k = self._column(output)
+        if self.estimate is None:
+            return f"{self.method} does not estimate the error of its bounds. PolynomialChaos() does."
+        i = int(np.argmax(self.estimate[:, k]))
+        if time is not None:
+            if not np.isfinite(near := require_numbers("Bounds.why", "time", time)):
+                raise DeclarationError(f"Bounds.why: time must be finite, got {near}.")
+            i = int(np.argmin(np.abs(self.t - near)))
+        if self.parts:
+            return max(self.parts, key=lambda part: part.estimate[i, k]).why(output, float(self.t[i]))
+        error, width = self.estimate[i, k], self.upper[i, k] - self.lower[i, k]
+        of_width = f", {100 * error / width:.2g} % of the width there" if width > 0 else ""
+        told = f"the estimated error of {output} is {error:.2g}{unit_suffix(self, k)}{of_width}"
+        begin = "T" + told[1:] if is_timeless(self.t) else f"At t = {self.t[i]:g} s, {told}"
+        if self.trace is None:
+            return f"{begin}. {self.method} does not record the reasons of its errors."
+        rule = RULES[self.trace.rule(i, k)]
+        return f"{begin}: {rule.cause[0].lower()}{rule.cause[1:]} {rule.remedy}"
+
     def _checked(self, pairs: Mapping[str, tuple[float, float]]) -> tuple[list[KeptLimit], list[str]]:
         """The results of limits, and remarks. With choices, the worst combination decides each limit."""
         if not self.parts:
@@ -194,6 +246,7 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
             **result_file.box_entries(self.box),
             **{name: expansion and getattr(expansion, name) for name in ("parameters", "alpha", "coefficients")},
             **result_file.surrogate_entries(self.surrogate),
+            **({} if self.trace is None else {"trace": self.trace.record()}),
         }
 
     def _table(self) -> Table:

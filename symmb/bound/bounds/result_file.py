@@ -23,6 +23,7 @@ from symmb._names import ByName
 from symmb._types import Array
 from symmb._units import TIME_HEADINGS, read_headings, units_of_parameters
 from symmb.bound.bounds.failures import Failure
+from symmb.bound.bounds.trace import Trace
 from symmb.bound.bounds.worst_case import WorstCase
 from symmb.bound.polynomials import Expansion
 from symmb.bound.polynomials.ranges import Piecewise
@@ -57,6 +58,7 @@ def parts_of(record: Record) -> dict[str, Any]:
         "expansion": expansion,
         "surrogate": _surrogate(record, expansion, *shape) if "surrogate_error" in record else None,
         "run_doubts": _run_doubts(record, names),
+        "trace": Trace.of_record(record.record("trace"), *shape) if "trace" in record else None,
         "worst_cases": tuple(map(WorstCase.of_record, record.records("worst"))) if "worst" in record else (),
     }
 

@@ -87,6 +87,9 @@ def _annex(
         worst = [] if check.worst is None else [document.note(f"Worst case: {check.worst}")]
         yield section("Limits", check._tabulated(), *worst, style="limits")
     yield section("Bounds", bounds._tabulated(bounds._about()))
+    if bounds.trace is not None:
+        reasons = [("", bounds.why(name)) for name in bounds.names]
+        yield section("How the errors were found", document.sentences(reasons), bounds.trace._repr_html_())
     yield section("Worst cases", _part_or_reason(lambda: _worst(bounds, check)))
     if bounds.range_of or shares is not None:  # other methods would need a second study
         asked = _ASKED_BY_COMMAND if command else _ASKED

@@ -11,6 +11,7 @@ from symmb._table import apart
 from symmb._threads import one_thread
 from symmb._types import Array, Executor, Indices, Mask
 from symmb.bound.bounds.adaptive.clock import Clock
+from symmb.bound.bounds.adaptive.evidence import Evidence
 from symmb.bound.bounds.adaptive.many_parameters import range_of_many
 from symmb.bound.bounds.adaptive.oscillations import oscillation_ranges
 from symmb.bound.bounds.adaptive.runs import UNKNOWN_SHARE, OutgrownError, Runs, relative_errors, relative_rms
@@ -19,6 +20,7 @@ from symmb.bound.bounds.adaptive.tensor_grids import TensorGrids
 from symmb.bound.bounds.failures import failed_region
 from symmb.bound.bounds.result import Bounds
 from symmb.bound.bounds.time_windows import DOUBTFUL, rms
+from symmb.bound.bounds.trace import Trace
 from symmb.bound.polynomials import Expansion
 from symmb.bound.polynomials.ranges import MOST_PARAMETERS
 from symmb.connect import Progress, Simulator
@@ -66,7 +68,10 @@ def adaptive_bounds(
             )
     estimated, known = result
     is_noise, power = np.isinf(runs.rms_widths()), runs.power
-    lower, upper, estimate = _attained_or_estimated(runs, estimated, is_noise, known)
+    lower, upper, evidence = _attained_or_estimated(runs, estimated, is_noise, known)
+    estimate = evidence.error
+    errors = relative_errors(estimate, runs.rms_widths())
+    runs.tell("all", evidence.decisive(int(np.argmax(errors))), errors)
     remarks, doubts = _of_accuracy(runs, tolerance, estimated.is_enough, estimate)
     lower, upper, estimate = (_scaled(each, power) for each in (lower, upper, estimate))
     bounds = Bounds(
@@ -85,6 +90,7 @@ def adaptive_bounds(
         run_doubts=(*doubts, *_of_noise(runs)),
         remarks=(*remarks, *_of_rounding(runs, is_noise)),
         range_of=estimated.surrogate,
+        trace=Trace(tuple(runs.steps), evidence.rule),
     )
     del runs  # frees memory: the polynomials need as much as the runs
     found = estimated.polynomials and estimated.polynomials()
@@ -150,27 +156,27 @@ def _refined(
 
 def _attained_or_estimated(
     runs: Runs, estimated: EstimatedRange, is_noise: Mask, known: list[int]
-) -> tuple[Array, Array, Array]:
-    """Bounds and their estimated errors, each (n_t, n_y).
+) -> tuple[Array, Array, Evidence]:
+    """Bounds (n_t, n_y), and the evidence of their errors.
 
     If the error exceeds the width of the extremes of runs, the bounds are these extremes. This does not apply to
     outputs with waveforms (numbers `known`), because all runs may be at the same phase.
     """
     lowest, highest = runs.extremes
-    estimate = np.maximum(estimated.estimate, runs.beyond(estimated.lower, estimated.upper))
+    evidence = estimated.evidence.at_least("beyond", runs.beyond(estimated.lower, estimated.upper))
     below = above = False
     if estimated.places is not None:
         below, above = near_lost = runs.is_near_lost(estimated.places)
         predicted = np.stack([lowest - estimated.lower, estimated.upper - highest])
-        unknown = estimate + np.maximum(predicted, UNKNOWN_SHARE * (highest - lowest))
-        estimate = np.where(near_lost, unknown, estimate).max(axis=0)
+        unknown = evidence.error + np.maximum(predicted, UNKNOWN_SHARE * (highest - lowest))
+        evidence = evidence.at_least("failed runs", np.where(near_lost, unknown, 0.0).max(axis=0))
     floor = np.where(highest > lowest, np.where(is_noise, runs.floor, runs.noise), 0.0)
-    estimate = np.maximum(np.where(is_noise, 0.0, estimate), floor)
-    unresolved = is_noise | (estimate > highest - lowest)
+    evidence = evidence.replaced(is_noise, Evidence.of("noise", np.zeros(floor.shape))).at_least("noise", floor)
+    unresolved = is_noise | (evidence.error > highest - lowest)
     unresolved[:, known] = is_noise[known]
     lower = np.where(unresolved | below, lowest, np.minimum(estimated.lower, lowest))
     upper = np.where(unresolved | above, highest, np.maximum(estimated.upper, highest))
-    return lower, upper, estimate
+    return lower, upper, evidence
 
 
 def _of_accuracy(

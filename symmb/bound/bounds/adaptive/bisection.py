@@ -5,7 +5,8 @@ import numpy as np
 from symmb._limits import windows
 from symmb._types import Array, Indices, Mask
 from symmb.bound.bounds.adaptive.check_points import SAFETY
-from symmb.bound.bounds.adaptive.runs import Runs, relative_rms
+from symmb.bound.bounds.adaptive.evidence import Evidence
+from symmb.bound.bounds.adaptive.runs import Runs, relative_errors, relative_rms
 from symmb.bound.bounds.adaptive.surrogate import EstimatedRange
 from symmb.bound.polynomials import Expansion
 from symmb.bound.polynomials.ranges import Piecewise
@@ -28,7 +29,7 @@ def bisected_range(runs: Runs, widths: Array, tolerance: float) -> EstimatedRang
         x = runs.places[rows, 0]
         estimate, of_intervals = _excess(runs, x, rows)
         error = relative_rms(estimate, widths)
-        runs.tell(error)
+        runs.tell("runs between events", "events", relative_errors(estimate, widths))
         # A middle whose run failed is not run again, so a round may have no new runs.
         if error <= tolerance or not runs.left or runs.clock.is_late or len(runs) == n_before:
             break
@@ -49,7 +50,12 @@ def bisected_range(runs: Runs, widths: Array, tolerance: float) -> EstimatedRang
         return Piecewise(centres[:, None], halves[:, None], tuple(lines), np.maximum(estimate, jumps))
 
     return EstimatedRange(
-        *runs.extremes, estimate, polynomials, "runs between events", places, is_enough=error <= tolerance
+        *runs.extremes,
+        Evidence.of("events", estimate),
+        polynomials,
+        "runs between events",
+        places,
+        is_enough=error <= tolerance,
     )
 
 

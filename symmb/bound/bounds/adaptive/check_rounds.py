@@ -16,6 +16,7 @@ from symmb.bound.bounds.adaptive.continuation import (
     Continuation,
     Corrected,
 )
+from symmb.bound.bounds.adaptive.evidence import Evidence
 from symmb.bound.bounds.adaptive.requests import Checks, Places, Request, Steps
 from symmb.bound.bounds.adaptive.runs import OutputRuns, relative_rms
 from symmb.bound.bounds.adaptive.surrogate import EstimatedRange
@@ -147,7 +148,7 @@ class CheckRounds:
             self._correct()
             share = self._remaining_share(self._places)
             self._remaining = share.max(axis=0) * np.maximum(self._observed, REMAINING_SHARE * self.estimate)
-            error = min(relative_rms(each, runs.rms_widths()) for each in self._errors())
+            error = min(relative_rms(each.error, runs.rms_widths()) for each in self._errors())
             n_worse = n_worse + 1 if error >= before else 0
             is_cheap = runs.has_lanes and error > DOUBTFUL  # cheap runs may still decide uncertain outputs
             is_done = error <= self.tolerance or (n_worse > self.has_corners and not is_cheap)
@@ -183,18 +184,21 @@ class CheckRounds:
         lowest, highest = self.runs.extremes
         return np.maximum(np.stack([lowest - self._lower, self._upper - highest]) - self.runs.noise, 0.0)
 
-    def _errors(self, spread: bool = False) -> list[Array]:
+    def _errors(self, spread: bool = False) -> list[Evidence]:
         """Errors (n_t, 1) of the range and, if corners were run, of the extremes of runs."""
         foreseen, exceeding, (lowest, highest) = self._foreseen, self._unattained().max(axis=0), self.runs.extremes
-        errors = [(self._remaining, self._upper - self._lower, min(foreseen.attained, foreseen.unconfirmed))]
+        part = min(foreseen.attained, foreseen.unconfirmed)
+        errors = [("check runs", self._remaining, self._upper - self._lower, part)]
         if self.has_corners and len(self._gains) > 2 * LEAST_ROUNDS - 1:
             swings = swings_at_extremes(self.runs)[1].max(axis=0)
             beside = self._safety * self._beside.share(self._beside.attained) * swings
             gained = np.max([*self._gains[-LEAST_ROUNDS:], growth_inside(self.runs, self._safety), beside], axis=0)
-            errors.append((gained, highest - lowest, foreseen.attained))
+            errors.append(("gains", gained, highest - lowest, foreseen.attained))
         return [
-            np.maximum(spread_over_times(error, width) if spread else error, foreseen.share(part) * exceeding)
-            for error, width, part in errors
+            Evidence.of(rule, spread_over_times(error, width) if spread else error).at_least(
+                "unconfirmed", foreseen.share(part) * exceeding
+            )
+            for rule, error, width, part in errors
         ]
 
     def _better(self) -> EstimatedRange:
@@ -208,8 +212,11 @@ class CheckRounds:
         # Before the first event, all runs agree with the interpolant. The error is not raised there.
         seen = np.square(runs.checks - self.base.values(runs.points)).max(axis=0, initial=0.0)
         agreed = inflated_error(seen, self._safety) + np.maximum(below, above)
-        errors = [np.minimum(np.minimum(error, agreed), highest - lowest) for error in self._errors(spread=True)]
-        best = int(np.argmin([relative_rms(error, runs.rms_widths()) for error in errors]))
+        # No error is larger than the width.
+        errors = [
+            each.at_most("check runs", agreed).at_most("unseen", highest - lowest) for each in self._errors(spread=True)
+        ]
+        best = int(np.argmin([relative_rms(each.error, runs.rms_widths()) for each in errors]))
         if best:
             return EstimatedRange(lowest, highest, errors[best], polynomials, "runs near extremes", self._places)
         # Further runs are expected to attain the same fraction of predicted distances as earlier runs.

@@ -6,6 +6,7 @@ import numpy as np
 
 from symmb._types import Array
 from symmb.bound.bounds.adaptive.check_points import select_dispersed
+from symmb.bound.bounds.adaptive.evidence import Evidence
 from symmb.bound.bounds.adaptive.output_study import OutputStudy
 from symmb.bound.bounds.adaptive.requests import Checks, Nodes, Noise, Places, Request
 from symmb.bound.bounds.adaptive.runs import OutputRuns, Runs
@@ -92,9 +93,7 @@ def _together(arrays: Sequence[Array], n_t: int, axis: int) -> Array:
 
 def _joined(runs: Runs, found: Sequence[EstimatedRange]) -> EstimatedRange:
     """The range of all outputs, from the range of each output."""
-    lower, upper, estimate = (
-        _together([getattr(each, name) for each in found], runs.shape[0], 1) for name in ("lower", "upper", "estimate")
-    )
+    lower, upper = (_together([getattr(each, name) for each in found], runs.shape[0], 1) for name in ("lower", "upper"))
     d = len(runs.box)
     places = [np.zeros((2, *each.lower.shape, d)) if each.places is None else each.places for each in found]
     polynomials = [each.polynomials for each in found]
@@ -106,7 +105,7 @@ def _joined(runs: Runs, found: Sequence[EstimatedRange]) -> EstimatedRange:
     return EstimatedRange(
         lower,
         upper,
-        estimate,
+        Evidence.joined([each.evidence for each in found], runs.shape[0]),
         every,
         ", ".join(names),
         _together(places, runs.shape[0], 2),

@@ -6,6 +6,7 @@ import numpy as np
 
 from symmb._types import Array, Indices
 from symmb.bound.bounds.adaptive.check_points import PATIENCE, SAFETY, screening_points
+from symmb.bound.bounds.adaptive.evidence import Evidence
 from symmb.bound.bounds.adaptive.requests import Checks, Noise, Request
 from symmb.bound.bounds.adaptive.runs import OutputRuns, relative_rms
 from symmb.bound.bounds.adaptive.surrogate import EstimatedRange
@@ -42,7 +43,7 @@ def corner_range(
         yield Noise()
     low, high = runs.extremes
     error += MONOTONE_SHARE * tolerance * (high - low)
-    return EstimatedRange(low, high, error, polynomials, "runs at corners", is_enough=True)
+    return EstimatedRange(low, high, Evidence.of("corners", error), polynomials, "runs at corners", is_enough=True)
 
 
 def _error(runs: OutputRuns, tolerance: float) -> Generator[Request, None, Array | None]:

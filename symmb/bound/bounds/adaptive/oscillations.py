@@ -15,6 +15,7 @@ import numpy as np
 from symmb._types import Array, Indices, Mask
 from symmb.bound.bounds.adaptive.check_points import PROBES, SAFETY, corner_design, evenly_spread_points
 from symmb.bound.bounds.adaptive.continuation import along_axes
+from symmb.bound.bounds.adaptive.evidence import Evidence
 from symmb.bound.bounds.adaptive.runs import Runs, relative_rms
 from symmb.bound.bounds.adaptive.surrogate import EstimatedRange
 from symmb.bound.bounds.time_windows import DOUBTFUL
@@ -157,7 +158,8 @@ def _range(runs: Runs, k: int, fit: "_Fit", tolerance: float) -> EstimatedRange:
     """The range of output k from a fit."""
     lower, upper, estimate = (each[:, None] for each in fit.range())
     is_enough = relative_rms(estimate, runs.rms_widths()[k : k + 1]) <= tolerance
-    return EstimatedRange(lower, upper, estimate, None, "waveforms of a phase", is_enough=is_enough)
+    evidence = Evidence.of("waveforms", estimate)
+    return EstimatedRange(lower, upper, evidence, None, "waveforms of a phase", is_enough=is_enough)
 
 
 def _outputs(runs: Runs) -> list[Array]:

@@ -25,6 +25,7 @@ from symmb.bound.bounds.adaptive.continuation import (
     largest,
 )
 from symmb.bound.bounds.adaptive.error_estimate import TruncationError
+from symmb.bound.bounds.adaptive.evidence import Evidence
 from symmb.bound.bounds.adaptive.monotone import corner_range
 from symmb.bound.bounds.adaptive.requests import Checks, Nodes, Noise, Request, Steps
 from symmb.bound.bounds.adaptive.response_surface import surface_range
@@ -75,10 +76,11 @@ class OutputStudy:
             step = largest(self.sizes, min(max(d, int(GROWTH * len(self.grid.row))), self._left))
             is_stalled = self._is_stalled()
             is_last = not step or runs.clock.is_late or (self._has_corners and is_stalled)
-            runs.tell(self._error)
+            runs.tell("sparse grid", "decay", self._error)
             if self._error <= EARLY_CHECK * tolerance or is_last:
                 found = yield from self._corrected(self._has_corners)
                 error = relative_rms(found.estimate, runs.rms_widths())
+                runs.tell(found.surrogate, found.evidence.decisive(), error)
                 if error <= tolerance:
                     return found._replace(is_enough=True)
                 if is_last:
@@ -106,13 +108,13 @@ class OutputStudy:
     def with_corners(self, found: EstimatedRange) -> EstimatedRange:
         """A range extended to the extremes of all runs. Runs beyond the estimated error increase this error."""
         beyond = self.runs.beyond(found.lower - found.estimate, found.upper + found.estimate)
-        return self._extended(found, np.maximum(found.estimate, inflated_error(np.square(beyond))))
+        return self._extended(found, found.evidence.at_least("beyond", inflated_error(np.square(beyond))))
 
-    def _extended(self, found: EstimatedRange, estimate: Array) -> EstimatedRange:
-        """A range extended to the extremes of all runs, with another estimated error."""
+    def _extended(self, found: EstimatedRange, evidence: Evidence) -> EstimatedRange:
+        """A range extended to the extremes of all runs, with other evidence of its error."""
         lowest, highest = self.runs.extremes
         lower, upper = np.minimum(found.lower, lowest), np.maximum(found.upper, highest)
-        return found._replace(lower=lower, upper=upper, estimate=estimate)
+        return found._replace(lower=lower, upper=upper, evidence=evidence)
 
     def continues(self, found: EstimatedRange) -> bool:
         """Whether the study continues with runs at all corners, because its error has grown above the tolerance."""
@@ -150,7 +152,8 @@ class OutputStudy:
         """The range after check runs at the extremes of the interpolant."""
         study = self.runs, self.expansion, self.grid, self.sizes, self.estimate, self.tolerance
         found = yield from CheckRounds(*study, has_corners).steps()
-        return found._replace(estimate=found.estimate + SPARSE_RANGE * self.tolerance * (found.upper - found.lower))
+        of_range = SPARSE_RANGE * self.tolerance * (found.upper - found.lower)
+        return found._replace(evidence=found.evidence.plus(of_range))
 
     def _continued(self) -> Piecewise:
         """The expansion continued through all check runs."""
@@ -230,11 +233,11 @@ class OutputStudy:
     def _polled(self, found: EstimatedRange) -> Steps:
         """The range, widened by rounds of runs at the extremes of separable quadratics. The rounds end if the range
         widens little. The error is never smaller than the last increase of the range."""
-        runs, estimate, size = self.runs, found.estimate, np.inf
+        runs, evidence, size = self.runs, found.evidence, np.inf
         while runs.left and not runs.clock.is_late and size > self.tolerance / 2:
             yield Checks(separable_extremes(*runs.attained()))
             gained = runs.beyond(found.lower, found.upper)
             size = relative_rms(gained, runs.rms_widths())
-            found = self._extended(found, np.maximum(estimate, SAFETY * gained))
+            found = self._extended(found, evidence.at_least("gains", SAFETY * gained))
         error = relative_rms(found.estimate, runs.rms_widths())
         return found._replace(is_enough=found.is_enough and error <= self.tolerance)

@@ -15,6 +15,7 @@ from symmb._magnitudes import SAME
 from symmb._types import Array, Mask
 from symmb.bound.bounds.adaptive.check_points import PATIENCE, SAFETY, quasi_random_points, screening_corners
 from symmb.bound.bounds.adaptive.continuation import along_axes, extrapolated_sizes, largest
+from symmb.bound.bounds.adaptive.evidence import Evidence
 from symmb.bound.bounds.adaptive.requests import Checks, Noise, Steps
 from symmb.bound.bounds.adaptive.runs import CHEAP_RUNS, TRUST, OutputRuns
 from symmb.bound.bounds.adaptive.surrogate import EstimatedRange
@@ -71,7 +72,8 @@ def surface_range(runs: OutputRuns, points: Array, tolerance: float, is_patient:
     while True:
         data = _Responses.of(*runs.attained(points), runs)
         if not data.varies.any():
-            return EstimatedRange(*runs.extremes, np.zeros(runs.shape), None, _NAME, is_enough=True)
+            evidence = Evidence.of("exact", np.zeros(runs.shape))
+            return EstimatedRange(*runs.extremes, evidence, None, _NAME, is_enough=True)
         if len(data.points) >= REFIT_GROWTH * n_fit:
             kernels, n_fit = _kernels(kernels, data), len(data.points)
         surface = GaussianProcess(kernels[0], data.points, data.Y)
@@ -167,7 +169,7 @@ class _Responses:
         return EstimatedRange(
             self.absolute(lower).reshape(runs.shape),
             self.absolute(upper).reshape(runs.shape),
-            error,
+            Evidence.of("surface", error),
             None if doubtful.any() else polynomials,
             _NAME,
             places.reshape(2, *runs.shape, -1),

@@ -1,12 +1,13 @@
 """The runs of an adaptive study, and the measures of errors."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from symmb._errors import PropagationError
 from symmb._magnitudes import LAST_DIGITS, SAME
+from symmb._names import counted
 from symmb._types import Array, Executor, Indices, Mask
 from symmb.bound.bounds.adaptive.check_points import FEW_SHAPES, SAFETY, SHAPE_RUNS, count_shapes, quasi_random_points
 from symmb.bound.bounds.adaptive.clock import Clock
@@ -14,6 +15,7 @@ from symmb.bound.bounds.box_runs import parameter_samples
 from symmb.bound.bounds.failures import Failure, failure_text, find_failed_region
 from symmb.bound.bounds.reductions import failure_records
 from symmb.bound.bounds.time_windows import DOUBTFUL, rests_for_a_time, rms
+from symmb.bound.bounds.trace import Step
 from symmb.bound.nodes import Grid
 from symmb.bound.polynomials import Expansion, TotalDegree, basis_values
 from symmb.connect import Progress, Simulator, noise_from_runs, note_attained, run_blocks
@@ -62,6 +64,7 @@ class Runs:
     tried, ok : (M, d) all points that were run, and (M,) mask of successful runs
     noise : (n_y,) error of responses, stated by the simulator or measured; 0 before it is measured
     extremes : smallest and largest responses of all runs (n_t, n_y)
+    steps : the rounds of the study until now
     """
 
     simulator: Simulator
@@ -96,6 +99,8 @@ class Runs:
         self.rounding = SAME if self._told is None else LAST_DIGITS
         self.is_attained = np.empty(0, dtype=bool)
         self._row: dict[bytes, int] = {}
+        self.steps, self._last = list[Step](), dict[str, float]()
+        self._made = dict.fromkeys(("node", "check run", "noise run"), 0)
 
     def __len__(self) -> int:
         """Number of runs so far, including failed runs."""
@@ -109,7 +114,7 @@ class Runs:
     def anew(self) -> "Runs":
         """An empty set of runs with the required powers, and the number of runs that are left."""
         runs = replace(self, before=len(self), events=None, failed=())
-        runs._least_power = self._least_power
+        runs._least_power, runs.steps = self._least_power, self.steps
         return runs
 
     @property
@@ -148,7 +153,7 @@ class Runs:
         new = [i for i, key in enumerate(keys) if key not in self._row]
         self._row |= {keys[i]: len(self.is_attained) + k for k, i in enumerate(new)}
         if new:
-            Y, ok, events = self._run(points[new])
+            Y, ok, events = self._made_runs("node", points[new])
             if predict is None and 2 * ok.sum() < len(ok):
                 raise PropagationError(
                     f"{len(self.failed)} of the first {len(new)} runs failed, so the study cannot continue.\n"
@@ -171,15 +176,23 @@ class Runs:
         """Run check points (C, d). Return the new points with successful runs, and their responses (C, n_t, n_y)."""
         known = self._row.keys() | set(_keys(self.points))
         points = points[[key not in known for key in _keys(points)]]
-        Y, ok, _ = self._run(points)
+        Y, ok, _ = self._made_runs("check run", points)
         Y, points = Y[ok], points[ok]
         self.checks, self.points = np.concatenate([self.checks, Y]), np.concatenate([self.points, points])
         return points, Y
 
-    def tell(self, error: float) -> None:
-        """Report the current error as progress."""
+    def tell(self, study: str, rule: str, errors: Array, columns: Sequence[int] | None = None) -> None:
+        """Report the relative errors (m,) of outputs as progress, and as a step of the trace. A rule decides them."""
+        k = int(np.argmax(errors))
+        after = float(errors[k])
         if hasattr(self.progress, "estimate"):
-            self.progress.estimate(error)  # pyright: ignore[reportFunctionMemberAccess, reportOptionalMemberAccess]
+            self.progress.estimate(after)  # pyright: ignore[reportFunctionMemberAccess, reportOptionalMemberAccess]
+        output = self.simulator.outputs[k if columns is None else columns[k]]
+        made = {name: n for name, n in self._made.items() if n}
+        request = ", ".join(counted(n, name) for name, n in made.items()) or "none"
+        before, self._last[output] = self._last.get(output, np.nan), after
+        self.steps.append(Step(len(self.steps) + 1, study, request, sum(made.values()), output, before, after, rule))
+        self._made = dict.fromkeys(self._made, 0)
 
     def rms_widths(self) -> Array:
         """Root mean square widths (n_y,), the units of errors; infinite if a width is only rounding."""
@@ -218,13 +231,20 @@ class Runs:
         if NOISE_RUNS > self.left:
             return
         along = np.arange(NOISE_RUNS) - 0.5 * (NOISE_RUNS - 1)
-        Y, ok, _ = self._run(middle + NOISE_SPACING * along[:, None] * direction)
+        Y, ok, _ = self._made_runs("noise run", middle + NOISE_SPACING * along[:, None] * direction)
         if (freedom := int(ok.sum()) - 2) > 0:
             # The residual of a straight line is noise. The line takes two degrees of freedom.
             line, _ = np.linalg.qr(np.vander(along[ok], 2))
             rest = Y[ok] - np.tensordot(line, np.tensordot(line, Y[ok], axes=(0, 0)), axes=1)
             self.noise = SAFETY * np.sqrt(np.square(rest).sum(axis=0).mean(axis=0) / freedom)
             self._widths = None
+
+    def _made_runs(self, purpose: str, points: Array) -> tuple[Array, Mask, Indices | None]:
+        """What `_run` returns. The runs are counted for the next step of the trace."""
+        before = len(self)
+        found = self._run(points)
+        self._made[purpose] += len(self) - before
+        return found
 
     def _run(self, points: Array) -> tuple[Array, Mask, Indices | None]:
         """Responses (N, n_t, n_y), a mask (N,) of successful runs, and numbers of events (N, n_t).
@@ -385,9 +405,9 @@ class OutputRuns:
         Y = _some_deviations([self.nodes], self.rms_widths())
         return int(count_shapes(Y.reshape(len(Y), -1))) <= FEW_SHAPES or rests_for_a_time(*self.extremes, self.noise)
 
-    def tell(self, error: float) -> None:
-        """Report the current error as progress."""
-        self._runs.tell(error)
+    def tell(self, study: str, rule: str, error: float) -> None:
+        """Report the relative error as progress, and as a step of the trace."""
+        self._runs.tell(study, rule, np.array([error]), [self.column])
 
 
 def relative_rms(error: Array, widths: Array) -> float:

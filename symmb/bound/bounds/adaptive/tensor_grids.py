@@ -20,8 +20,17 @@ from symmb.bound.bounds.adaptive.check_points import (
     quasi_random_points,
     select_dispersed,
 )
+from symmb.bound.bounds.adaptive.evidence import Evidence
 from symmb.bound.bounds.adaptive.piece import JUDGED_DEGREE, Part, Piece, nodes_of
-from symmb.bound.bounds.adaptive.runs import CHEAP_RUNS, NOISE_RUNS, TRUST, Runs, relative_rms, typical_error
+from symmb.bound.bounds.adaptive.runs import (
+    CHEAP_RUNS,
+    NOISE_RUNS,
+    TRUST,
+    Runs,
+    relative_errors,
+    relative_rms,
+    typical_error,
+)
 from symmb.bound.bounds.adaptive.secants import secant_extremes
 from symmb.bound.bounds.adaptive.surrogate import EstimatedRange
 from symmb.bound.bounds.time_windows import DOUBTFUL, average_over_window, is_doubtful, is_doubtful_in_window
@@ -134,12 +143,13 @@ class TensorGrids:
         if len(self._pieces) == 1 and first.jumps is None:  # if errors are large everywhere, no range is needed
             least = (FIELD_TRUST if is_field else TRUST) * first.truncation.least
             if measure(least, widths) > tolerance and self._chooses(first):
+                runs.tell("tensor grid", "decay", relative_errors(least, widths))
                 return None
         union = _Union.of(self._pieces)
         worst, trusted = union.worst(widths), (FIELD_TRUST if is_field else union.trust) * union.expected
+        runs.tell(_grids(union), "decay", relative_errors(trusted, widths))
         if measure(trusted, widths) > tolerance and self._chooses(worst):
             return self._at_kinks(union, union.expected) if len(self._parts) > 1 else None
-        runs.tell(relative_rms(union.expected, widths))
         return self._confirmed(union, worst, trusted, is_field)
 
     def _confirmed(self, union: _Union, worst: Piece, trusted: Array, is_field: bool) -> EstimatedRange | None:
@@ -156,23 +166,25 @@ class TensorGrids:
             error = typical_error(left, widths)
             width = np.sqrt(average_over_window(np.square(union.upper - union.lower)))
             unseen = np.minimum(expected, DOUBTFUL / 2 * width)
-            estimate = np.maximum(np.maximum(inflated, FIELD_SAFETY * left), unseen)
+            evidence = Evidence.of("check runs", np.maximum(inflated, FIELD_SAFETY * left)).at_least("unseen", unseen)
         else:
-            estimate = np.maximum(inflated, np.maximum(trusted, beyond))
+            evidence = Evidence.of("check runs", inflated).at_least("decay", trusted).at_least("beyond", beyond)
             if len(runs.box) == 1:
-                estimate = np.maximum(estimate, self._share_of_secants * self._unseen(union)[1].max(axis=0))
-            error = relative_rms(estimate, widths)
+                evidence = evidence.at_least("kinks", self._share_of_secants * self._unseen(union)[1].max(axis=0))
+            error = relative_rms(evidence.error, widths)
+        estimate = evidence.error
+        errors = relative_errors(estimate, widths)
+        runs.tell("check runs", evidence.decisive(int(np.argmax(errors))), errors)
         if error > tolerance and self._chooses(worst):
             return self._at_kinks(union, estimate)
         width, varies = union.upper - union.lower, np.isfinite(widths)
         doubtful = is_doubtful(estimate, width, runs.noise) | is_doubtful_in_window(estimate, width, runs.noise)
         if doubtful[:, varies].any() and self._chooses(worst, CHEAP_RUNS - len(runs)):
             return None
-        n = len(union.pieces)
-        name = "an interpolant on a tensor grid" if n == 1 else f"interpolants on {n} tensor grids"
+        name = "an interpolant on a tensor grid" if len(union.pieces) == 1 else f"interpolants on {_grids(union)}"
         is_enough = max(error, RANGE_ERROR) <= tolerance
-        estimate = estimate + RANGE_ERROR * width
-        return EstimatedRange(union.lower, union.upper, estimate, union.polynomials, name, union.places, is_enough)
+        evidence = evidence.plus(RANGE_ERROR * width)
+        return EstimatedRange(union.lower, union.upper, evidence, union.polynomials, name, union.places, is_enough)
 
     def _at_kinks(self, union: _Union, estimate: Array) -> EstimatedRange | None:
         """The range from runs near kinks of one parameter and from the estimated range, if its error is small enough.
@@ -197,7 +209,9 @@ class TensorGrids:
                 (is_lowest, is_highest), (lowest, highest) = beyond < of_range, runs.extremes
                 lower, upper = np.where(is_lowest, lowest, union.lower), np.where(is_highest, highest, union.upper)
                 error = errors.max(axis=0) + RANGE_ERROR * (upper - lower)
-                return EstimatedRange(lower, upper, error, union.polynomials, "runs near kinks", is_enough=True)
+                return EstimatedRange(
+                    lower, upper, Evidence.of("kinks", error), union.polynomials, "runs near kinks", is_enough=True
+                )
             sizes.append(size)
             large = np.where(errors > tolerance / 2 * widths, errors / widths, 0.0)
             half = len(sizes) // 2
@@ -342,6 +356,11 @@ class TensorGrids:
                     largest, worst = observed, piece
         ratio = np.sqrt(np.divide(seen, foreseen, out=np.ones_like(seen), where=foreseen > 0))
         return inflated_error(squares, safety), ratio, worst
+
+
+def _grids(union: _Union) -> str:
+    n = len(union.pieces)
+    return "tensor grid" if n == 1 else f"{n} tensor grids"
 
 
 def _stacked(arrays: Sequence[Array]) -> Array:

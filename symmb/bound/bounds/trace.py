@@ -1,0 +1,142 @@
+"""How an adaptive study came to its errors: its rounds, and the rule that decides each estimated error."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from symmb import _html as html
+from symmb._options import optional_package
+from symmb._table import aligned
+from symmb._types import Indices
+from symmb.results.files import Record
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+
+class Rule(NamedTuple):
+    """Why an error is estimated, and what would reduce it, each as a sentence."""
+
+    cause: str
+    remedy: str
+
+
+_FINER = "A smaller tolerance adds nodes and check runs, which reduce it."
+_NEAR = "A smaller tolerance or a larger budget adds runs near the extremes, which reduce it."
+RULES = {
+    "exact": Rule("All runs have the same value.", "No run would reduce it."),
+    "decay": Rule("It follows from the last coefficients of the polynomial and from their decay.", _FINER),
+    "check runs": Rule("It follows from the differences between check runs and the polynomial.", _FINER),
+    "beyond": Rule("It is the distance of a run beyond the range of the polynomial.", _FINER),
+    "unseen": Rule("It allows for errors that check runs do not show.", _FINER),
+    "kinks": Rule("It follows from secants through runs on both sides of a possible kink.", _NEAR),
+    "events": Rule("It follows from the changes between runs on both sides of an event.", _NEAR),
+    "corners": Rule("It follows from runs at corners, for effects that may change their sign between them.", _NEAR),
+    "gains": Rule("It follows from how far the last runs near extremes widened the range.", _NEAR),
+    "unconfirmed": Rule("The polynomial exceeds all runs, and runs confirmed only a part of the excess.", _NEAR),
+    "surface": Rule("It is the deviation of a Gaussian process near the extreme.", _NEAR),
+    "waveforms": Rule("It follows from runs that were predicted from the other runs.", _NEAR),
+    "failed runs": Rule("Runs near the extreme failed, and its value is not known.", "Only successful runs reduce it."),
+    "noise": Rule("It is the noise or the rounding of the runs.", "Only more accurate runs reduce it."),
+}
+"""The rules that decide an estimated error, by their names in a trace."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """A round of a study.
+
+    Attributes
+    ----------
+    round : number of the round, from 1 on
+    study : what was refined, such as "tensor grid" or "sparse grid"
+    request : the runs that were made since the last round, in words
+    runs : number of these runs
+    output : output with the largest error
+    before, after : its error before and after the round, over its width; nan if it is not known
+    rule : name of the rule that decides the error
+    """
+
+    round: int
+    study: str
+    request: str
+    runs: int
+    output: str
+    before: float
+    after: float
+    rule: str
+
+
+@dataclass(frozen=True, eq=False)
+class Trace(Sequence[Step]):
+    """The rounds of an adaptive study, and the rule that decides the error of each output at each time.
+
+    `print` shows a table. `to_pandas` makes a DataFrame.
+
+    Attributes
+    ----------
+    steps : the rounds
+    rules : (n_t, n_y) positions in RULES
+    """
+
+    steps: tuple[Step, ...]
+    rules: Indices
+
+    def __len__(self) -> int:
+        return len(self.steps)
+
+    def __getitem__(self, k: Any) -> Any:
+        return self.steps[k]
+
+    def __iter__(self) -> Iterator[Step]:
+        return iter(self.steps)
+
+    def rule(self, time: int, output: int) -> str:
+        """The name of the rule for a number of a time and of an output."""
+        return (*RULES,)[self.rules[time, output]]
+
+    def to_pandas(self) -> "DataFrame":
+        """A table with one row for each round."""
+        return optional_package("pandas", "to_pandas", "data").DataFrame([asdict(step) for step in self.steps])
+
+    def _rows(self) -> list[list[str]]:
+        head = ["round", "study", "request", "runs", "output", "before", "after", "rule"]
+
+        def percent(error: float) -> str:
+            return "–" if not np.isfinite(error) else f"{100 * error:.2g} %"
+
+        return [head] + [
+            [str(s.round), s.study, s.request, str(s.runs), s.output, percent(s.before), percent(s.after), s.rule]
+            for s in self.steps
+        ]
+
+    def __repr__(self) -> str:
+        return "\n".join(aligned(self._rows(), left=(1, 2, 4, 7)))
+
+    def _repr_html_(self) -> str:
+        return html.table(self._rows(), left=(1, 2, 4, 7))
+
+    def record(self) -> dict[str, Any]:
+        """Entries of a file. For each output, only times at which the rule changes are kept."""
+        names = (*RULES,)
+        changes = np.vstack([np.ones(self.rules.shape[1], dtype=bool), np.diff(self.rules, axis=0) != 0])
+        places = zip(*(each.tolist() for each in np.nonzero(changes)), strict=True)
+        decided = [{"output": k, "time": t, "rule": names[self.rules[t, k]]} for t, k in places]
+        return {"steps": [asdict(step) for step in self.steps], "decided": decided}
+
+    @classmethod
+    def of_record(cls, record: Record, n_t: int, n_y: int) -> "Trace":
+        """The trace of a file."""
+        numbers = {name: k for k, name in enumerate(RULES)}
+        rules = np.zeros((n_t, n_y), dtype=np.int8)
+        for own in record.records("decided", "output", "time", "rule"):
+            rules[int(own.number("time")) :, int(own.number("output"))] = numbers[own.text("rule", *RULES)]
+        return cls(tuple(_step(each) for each in record.records("steps")), rules)
+
+
+def _step(record: Record) -> Step:
+    words = {name: record.text(name) for name in ("study", "request", "output", "rule")}
+    return Step(round=int(record.number("round")), runs=int(record.number("runs")), before=record.number("before"),
+                after=record.number("after"), **words)  # fmt: skip
