@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
@@ -14,9 +14,11 @@ from symmb._interrupts import carry, kept_interrupts
 from symmb._options import require_callable
 from symmb._progress import RunProgress, shown
 from symmb._types import Array, Executor, Expr
+from symmb._units import units_of_parameters
 from symmb.bound.bounds import (
     METHODS,
     Bounds,
+    Kind,
     Method,
     bounded,
     checked,
@@ -146,6 +148,7 @@ def _methods(given: Any) -> tuple[Method | Bounds, ...]:
 
 
 def _text(method: Method | Bounds) -> str:
+    """The name of a row."""
     return f"{method.method}, given" if isinstance(method, Bounds) else repr(method)
 
 
@@ -153,7 +156,15 @@ def _require_own(given: Bounds, simulator: Simulator, box: Box) -> None:
     """Raise PropagationError if finished bounds are not those of this simulator and box."""
     what = f"The given result {given.method}"
     require_same(what, given, simulator)
-    own, its = (dict(zip(b.names, b.bounds, strict=True)) if b else {} for b in (box, given.box))
+    shape = len(given.t), len(given.names)
+    if given.lower.shape != shape or given.upper.shape != shape:
+        raise PropagationError(f"{what}: lower and upper must have the shape {shape}.")
+    if not (given.lower <= given.upper).all():
+        raise PropagationError(f"{what}: lower is above upper, or not a number, at some times.")
+    if given.kind not in get_args(Kind) or not str(given.method).isprintable() or not given.method:
+        raise PropagationError(f"{what}: kind must be {' or '.join(get_args(Kind))}, and method a text on one line.")
+    its_box = given.box and given.box.with_units(units_of_parameters(simulator.parameters))
+    own, its = (dict(zip(b.names, b.bounds, strict=True)) if b else {} for b in (box, its_box))
     if its and (own.keys() != its.keys() or not np.allclose([own[k] for k in its], [*its.values()], atol=0.0)):
         raise PropagationError(f"{what} is of {given.box!r}, but the comparison is of {box!r}.")
 
@@ -267,11 +278,11 @@ def _confronted(
     joint = found if given is not None else found.joined([each.inner for each in bounds if each.inner is not None])
     attained = found if given is None or given.kind == "sampled" else None
     proved = ProvedBounds.of(bounds)
-    if proved is not None:
-        joint = proved.limit(joint, attained is not None)
-    solver_error = None if difference is None else joint.yardstick.relative(difference)
-    faults = [] if proved is None else proved.faults(bounds, attained, joint.yardstick, solver_error)
-    return joint, solver_error, faults
+    limited = joint if proved is None else proved.limit(joint, attained is not None)
+    solver_error = None if difference is None else limited.yardstick.relative(difference)
+    faults = [] if proved is None else proved.faults(bounds, attained, limited.yardstick, solver_error)
+    is_refuted = proved is not None and attained is not None and proved.is_refuted(attained, joint, solver_error)
+    return joint if is_refuted else limited, solver_error, faults
 
 
 def _comparison(

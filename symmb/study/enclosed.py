@@ -46,6 +46,17 @@ class ProvedBounds:
         error = np.where(known, error, np.nan)
         return replace(limited, uncertainty=np.fmin(reference.uncertainty, error), proved=error, proved_by=self.names)
 
+    def is_refuted(self, attained: Reference, reference: Reference, solver_error: Array | None) -> bool:
+        """Whether runs of the reference are outside of the proved bounds by more than the error of the solver."""
+        slack = self._slack(reference.yardstick, solver_error)
+        return bool((np.maximum(self.lower - attained.lower, attained.upper - self.upper) > slack).any())
+
+    @staticmethod
+    def _slack(yardstick: Yardstick, solver_error: Array | None) -> Array:
+        """Accepted distance of runs outside of proved bounds. The error of the solver is known at a few points only."""
+        error = np.zeros(len(yardstick.uncertainty)) if solver_error is None else 10.0 * solver_error
+        return replace(yardstick, uncertainty=error).slack
+
     def faults(
         self, bounds: Sequence[Bounds], attained: Reference | None, yardstick: Yardstick, solver_error: Array | None
     ) -> list[str]:
@@ -54,9 +65,7 @@ class ProvedBounds:
         `attained` is the original reference, if its bounds are values of runs. `solver_error` (n_y,) is in
         the norm of `Score.error`.
         """
-        # Accepted distance of runs outside of proved bounds, relative to the error of the solver at a few points.
-        error = np.zeros(len(bounds[0].names)) if solver_error is None else 10.0 * solver_error
-        slack = replace(yardstick, uncertainty=error).slack
+        slack = self._slack(yardstick, solver_error)
         farthest = partial(self._farthest, slack, bounds[0].t, bounds[0].names)
         by = " and ".join(self.names)
         runs, estimates = [], []

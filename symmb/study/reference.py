@@ -75,6 +75,12 @@ def require_same(what: str, bounds: Bounds, simulator: Simulator) -> None:
             f"{what} has the outputs {', '.join(bounds.names)}, but the simulator has the outputs "
             f"{', '.join(simulator.outputs)}. Give bounds of the same outputs in the same order."
         )
+    units = tuple(getattr(simulator, "units", ()))
+    if bounds.units and units and tuple(bounds.units) != units:
+        raise PropagationError(
+            f"{what} has the units {', '.join(bounds.units)}, but the simulator has the units {', '.join(units)}. Give "
+            "bounds in the same units."
+        )
     t, times = bounds.t, simulator.times
     if len(t) != len(times) or not np.allclose(t, times, rtol=0.0, atol=SAME):
         raise PropagationError(

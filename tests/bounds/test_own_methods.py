@@ -1,7 +1,7 @@
 """Methods of users, which are one function of runs over a box, and bounds of other programs in comparisons."""
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -136,6 +136,19 @@ def test_failed_runs_are_nan_and_told():
     assert "division by zero (a=1, b=0.5, c=7)" in told
 
 
+def test_faults_of_a_method_are_one_error():
+    class Faulty(mb.Method):
+        kind = "sampled"
+
+        def bounds(self, runs):
+            runs.lower[:] = 0.0
+
+    told = r"Faulty\(\): `bounds` raised ValueError: assignment destination is read-only"
+    refused(told, mb.propagate, simulator(), Faulty(), BOX, error=mb.PropagationError)
+    found = mb.compare(simulator(), [mb.Vertex(), Faulty()], BOX, reference=mb.Vertex())
+    assert [row.name for row in found.not_run] == ["Faulty()"]
+
+
 def test_a_method_without_a_kind_is_refused():
     class Kindless(mb.Method):
         def bounds(self, runs):
@@ -158,6 +171,52 @@ def test_finished_bounds_are_a_row(tmp_path):
     assert ["Other,", "given", "sampled", "12", "–", "–"] in [line.split()[:6] for line in str(found).splitlines()]
     found.plot(tmp_path / "found.png")
     found.report(tmp_path / "found.html")
+
+
+def test_units_of_finished_bounds():
+    p = mb.Parameters(l="1 m")
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    scene = mb.Scene(mb.System(ball, parameters=p), {"ball.x": p.l}, [0.0, 1.0], {"x": ball.x})
+    box, in_mm = mb.Box(l=(0.95, 1.05)), mb.Box(l=(950.0, 1050.0, "mm"))
+    given = mb.propagate(scene, mb.Vertex(), box)
+    assert mb.compare(scene, [replace(given, box=in_mm)], box, reference=given).rows[0].score.error.max() < 1e-12
+    told = "has the units mm, but the simulator has the units m"
+    for call in (
+        lambda own: mb.compare(scene, [own], box),
+        lambda own: mb.compare(scene, [mb.Vertex()], box, reference=own),
+    ):
+        refused(told, call, replace(given, units=("mm",)), error=mb.PropagationError)
+
+
+CHANGES = {
+    "must have the shape \\(5, 2\\)": {"lower": ZERO.T, "upper": ZERO.T},
+    "lower is above upper": {"lower": ZERO + 1},
+    "or not a number": {"upper": ZERO + np.nan},
+    "kind must be enclosure or estimate or sampled": {"kind": "nonsense"},
+    "method a text on one line": {"method": "two\nlines"},
+}
+
+
+@pytest.mark.parametrize("words", CHANGES)
+def test_finished_bounds_that_make_no_sense_are_refused(words):
+    given = replace(mb.Bounds(T, ("x", "y"), ZERO, ZERO, "sampled", "Other", 1), **CHANGES[words])
+    refused(words, mb.compare, simulator(), [given], BOX, error=mb.PropagationError)
+
+
+def test_a_proof_that_runs_refute_does_not_limit_the_reference():
+    class Wrong(mb.Method):
+        kind = "enclosure"
+
+        def bounds(self, runs):
+            low, high = Corners().bounds(runs)
+            return low + 0.3 * (high - low), high
+
+    with pytest.warns(mb.SymmbWarning, match="outside of the proved bounds of Wrong"):
+        found = mb.compare(simulator(), [mb.Vertex(), Wrong()], BOX, reference=mb.Scanning(3))
+    np.testing.assert_allclose([row.score.error.mean() for row in found.rows], [0.0, 0.2], atol=0.03)
+    assert found.reference.proved_by == ()
+    with pytest.warns(mb.SymmbWarning, match="Runs of the method lie outside of its proved bounds"):
+        mb.propagate(simulator(), Wrong(), BOX)
 
 
 def test_finished_bounds_of_something_else_are_refused():
@@ -185,6 +244,9 @@ class Many(Middle):
     def __init__(self, number):
         self.number = number
 
+class Empty(mb.Method):
+    kind = "sampled"
+
 many = Many(3)
 """
 
@@ -198,6 +260,9 @@ many = Many(3)
         ("mine:Midle", "mine:Midle: the module has no 'Midle'. Did you mean 'Middle'?"),
         ("mime:Middle", "there is no method 'mime', no file mime.py in this folder, and no module mime"),
         ("mine:np", "expected a method such as"),
+        (":Middle", "A method of your own is MODULE:NAME"),
+        ("mine:", "A method of your own is MODULE:NAME"),
+        ("mine:Empty", "mine:Empty: the class must define the function bounds(self, runs)"),
     ],
 )
 def test_the_command_line_names_methods_in_files(name, words, tmp_path, monkeypatch, capsys):

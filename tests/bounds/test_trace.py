@@ -83,18 +83,22 @@ def test_rules_fit_their_studies():
     assert "kinks" in {step.rule for step in STUDIES["kinks"]().trace}
     noisy = studied(lambda a: 1 + 1e-12 * np.sin(1e6 * a) + 0 * T, a=(0, 1))
     assert noisy.trace.rule(3, 0) == "noise" and "Only more accurate runs" in noisy.why("x")
-    exact = studied(lambda a, b: (a + 2 * b) * (1 + T), a=(0, 1), b=(0, 1))
-    assert exact.trace[-1].after < 1e-3
+    exact = studied(lambda a, b: (a + 2 * b) * T, a=(0, 1), b=(0, 1))
+    assert "all runs have the same value" in exact.why("x", 0.0)
+    assert "accuracy of the search" in exact.why("x", 1.0)
+    with pytest.warns(mb.SymmbWarning):
+        rough = studied(
+            lambda a, b: np.abs(a - 0.3) + np.abs(b - 0.1) * T, mb.PolynomialChaos(budget=40), a=(-1, 1), b=(-1, 1)
+        )
+    assert "The study ended before its tolerance was reached" in rough.why("x")
 
 
 def test_other_methods_say_that_they_have_no_reasons():
     box = {"a": (0.0, 1.0)}
     assert "does not estimate the error" in studied(lambda a: a * T, mb.Vertex(), **box).why("x")
     given = mb.Bounds(T, ("x",), np.zeros((11, 1)), np.ones((11, 1)), "estimate", "Mine()", 3, np.full((11, 1), 0.1))
-    assert given.why("x", 0.5) == (
-        "At t = 0.5 s, the estimated error of x is 0.1, 10 % of the width there. Mine() does not record the reasons of "
-        "its errors."
-    )
+    told = "At t = 0.5 s, the estimated error of x is 0.1, 10 % of the width there. The reasons of this error are not"
+    assert given.why("x", 0.5) == f"{told} recorded."
     refused("no output 'z'", given.why, "z")
     refused("time must be finite, got nan", given.why, "x", np.nan)
     refused("time must be real numbers, got 'late'", given.why, "x", "late")
@@ -102,4 +106,5 @@ def test_other_methods_say_that_they_have_no_reasons():
 
 def test_choices_name_the_reason_of_the_worst_combination():
     found = black_box_bounds(lambda a, n: np.sin(n * a * T), None, T, "x", a=(0.5, 1.5), n={1, 2})
+    assert found.trace is None and sum(step.runs for part in found.parts for step in part.trace) == found.evaluations
     assert found.why("x") in {part.why("x", float(found.t[found.estimate[:, 0].argmax()])) for part in found.parts}

@@ -30,7 +30,7 @@ from symmb.bound.bounds.reductions import gathered
 from symmb.bound.bounds.registry import METHODS, method_of, read_method
 from symmb.bound.bounds.regression import fitted
 from symmb.bound.bounds.result import Bounds
-from symmb.bound.bounds.result_file import INNER, box_coordinates, box_entries, box_of, inner_entries, kind_of
+from symmb.bound.bounds.result_file import INNER, Kind, box_coordinates, box_entries, box_of, inner_entries, kind_of
 from symmb.bound.bounds.sampling import MonteCarlo, Scanning, Vertex
 from symmb.bound.bounds.statistical import Statistics, laws_within, rejects_of, statistics_of
 from symmb.bound.bounds.study import Extremes, Study

@@ -39,7 +39,8 @@ class RunsOverBox:
     ) -> None:
         self._owner = owner
         self.simulator, self.box, self.executor, self.progress = simulator, box, executor, progress
-        self.parameters, self.lower, self.upper = box.names, box.lower, box.upper
+        self.parameters, self.lower, self.upper = box.names, box.lower.copy(), box.upper.copy()
+        self.lower.flags.writeable = self.upper.flags.writeable = False
         self.times, self.outputs = np.asarray(simulator.times, dtype=float), tuple(simulator.outputs)
         self.evaluations, self.failed = 0, tuple[Failure, ...]()
 

@@ -41,6 +41,7 @@ def joined(box: Box, parts: Sequence[B], lost: Mapping[str, str]) -> B:
         parts[0],
         lower=lower,
         upper=upper,
+        trace=None,  # each part has its own
         estimate=None if parts[0].estimate is None else np.maximum(lower - low, high - upper),
         inner=_hull(inner) if len(inner) == len(parts) else None,
         noise=np.max(noise, axis=0) if noise else None,

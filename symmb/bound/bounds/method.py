@@ -7,7 +7,7 @@ from typing import Any, ClassVar, get_args
 
 import numpy as np
 
-from symmb._errors import DeclarationError, PropagationError
+from symmb._errors import DeclarationError, PropagationError, SymmbError, text_of
 from symmb._interrupts import carry
 from symmb._names import counted, did_you_mean
 from symmb._options import numbers_of, require_callable, shown
@@ -150,6 +150,12 @@ def bounded(
         except KeyboardInterrupt as interrupt:
             carry(interrupt, _partial(method, runs, attained, time.perf_counter() - start))
             raise
+        except SymmbError:
+            raise
+        except Exception as error:
+            if type(method).__module__.startswith("symmb.") or isinstance(error, Warning):
+                raise
+            raise PropagationError(f"{method!r}: `bounds` raised {text_of(error)}.") from error
     result = found if isinstance(found, Bounds) else _of_arrays(method, runs, attained, found)
     lower, upper = result.lower, result.upper
     if result.kind == "estimate":
@@ -182,6 +188,7 @@ def _of_arrays(method: Method, runs: RunsOverBox, attained: Attained, found: obj
     expected = f"{method!r}: {_RETURNS.format(*shape)}"
     if not isinstance(found, tuple | list) or len(found) not in (2, 3):
         raise PropagationError(f"{expected}, got {shown(found)}.")
+    found = found[:2] if found[-1] is None else found
     arrays = [numbers_of(each) for each in found]
     if any(each is None or each.shape != shape for each in arrays):
         forms = ", ".join("no numbers" if each is None else str(each.shape) for each in arrays)
@@ -204,7 +211,11 @@ def _of_arrays(method: Method, runs: RunsOverBox, attained: Attained, found: obj
         raise PropagationError(f"{method!r}: estimate must not be negative.")
     details: dict[str, Any] = {"failed": runs.failed, "estimate": estimates[0] if estimates else None}
     if (attained.lower <= attained.upper).all():
-        details["inner"] = attained.lower, attained.upper
+        details["inner"] = low, high = attained.lower, attained.upper
+        if method.kind == "enclosure" and ((low < lower) | (high > upper)).any():
+            details["run_doubts"] = ("Runs of the method lie outside of its proved bounds.",)
+        if method.kind == "sampled" and ((low > lower) | (high < upper)).any():
+            details["run_doubts"] = ("The bounds are sampled, but no run of the method attains them.",)
     return method._result(runs, lower, upper, runs.evaluations, **details)
 
 

@@ -37,7 +37,7 @@ def propagate(
     Parameters
     ----------
     scene_or_simulator : Scene, FunctionSimulator, DAESimulator or anything with their interface
-    method : PolynomialChaos(...), Taylor(...), MonteCarlo(...), Scanning(...), ..., or its text on the command line,
+    method : PolynomialChaos(...), Taylor(...), MonteCarlo(...), Scanning(...), ..., a `Method` of your own, or a text
         such as "pce:4"; default: PolynomialChaos()
     box : intervals of some or all parameters; the others keep their nominal values; default: the box of the scene
     solver : solver of a Scene, or a text such as "cvodes:1e-9"; default: pilot runs choose it, usually DormandPrince()

@@ -32,7 +32,7 @@ from symmb.bound.bounds.limits import (
     other_side,
     unit_suffix,
 )
-from symmb.bound.bounds.trace import RULES
+from symmb.bound.bounds.trace import ENDED, RULES
 from symmb.bound.bounds.worst_case import WorstCase
 from symmb.results import plot
 from symmb.results.files import Record, Saved, Table, attributes, entries
@@ -164,7 +164,7 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
         >>> waves = mb.FunctionSimulator(lambda w: np.sin(w * t), {"w": 1.0}, t, ["x"])
         >>> why = mb.propagate(waves, box=mb.Box(w=(0.8, 1.2))).why("x", 1.0)
         >>> why.partition(": ")[2].partition(". ")[0]
-        'it follows from the last coefficients of the polynomial and from their decay'
+        'it is the accuracy of the search for the range of the polynomial'
         """
         k = self._column(output)
         if self.estimate is None:
@@ -179,11 +179,14 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
         error, width = self.estimate[i, k], self.upper[i, k] - self.lower[i, k]
         of_width = f", {100 * error / width:.2g} % of the width there" if width > 0 else ""
         told = f"the estimated error of {output} is {error:.2g}{unit_suffix(self, k)}{of_width}"
-        begin = "T" + told[1:] if is_timeless(self.t) else f"At t = {self.t[i]:g} s, {told}"
+        has_time = not is_timeless(self.t) and output not in self.figures
+        begin = f"At t = {self.t[i]:g} s, {told}" if has_time else "T" + told[1:]
         if self.trace is None:
-            return f"{begin}. {self.method} does not record the reasons of its errors."
+            return f"{begin}. The reasons of this error are not recorded."
         rule = RULES[self.trace.rule(i, k)]
-        return f"{begin}: {rule.cause[0].lower()}{rule.cause[1:]} {rule.remedy}"
+        is_cut = any("was not reached" in remark for remark in self.remarks)
+        remedy = ENDED if rule.is_reduced and is_cut else rule.remedy
+        return f"{begin}: {rule.cause[0].lower()}{rule.cause[1:]} {remedy}"
 
     def _checked(self, pairs: Mapping[str, tuple[float, float]]) -> tuple[list[KeptLimit], list[str]]:
         """The results of limits, and remarks. With choices, the worst combination decides each limit."""

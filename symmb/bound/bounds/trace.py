@@ -22,8 +22,15 @@ class Rule(NamedTuple):
     cause: str
     remedy: str
 
+    @property
+    def is_reduced(self) -> bool:
+        """Whether further runs reduce the error."""
+        return self.remedy in (_FINER, _NEAR)
+
 
 _FINER = "A smaller tolerance adds nodes and check runs, which reduce it."
+ENDED = "The study ended before its tolerance was reached; a larger budget=, or more time by seconds=, may reduce it."
+"""The remedy if runs or time were used up."""
 _NEAR = "A smaller tolerance or a larger budget adds runs near the extremes, which reduce it."
 RULES = {
     "exact": Rule("All runs have the same value.", "No run would reduce it."),
@@ -31,6 +38,7 @@ RULES = {
     "check runs": Rule("It follows from the differences between check runs and the polynomial.", _FINER),
     "beyond": Rule("It is the distance of a run beyond the range of the polynomial.", _FINER),
     "unseen": Rule("It allows for errors that check runs do not show.", _FINER),
+    "range": Rule("It is the accuracy of the search for the range of the polynomial.", "No run would reduce it."),
     "kinks": Rule("It follows from secants through runs on both sides of a possible kink.", _NEAR),
     "events": Rule("It follows from the changes between runs on both sides of an event.", _NEAR),
     "corners": Rule("It follows from runs at corners, for effects that may change their sign between them.", _NEAR),

@@ -95,8 +95,10 @@ def load_subject(given: str, numbers: Iterable[str] = ()) -> tuple[Scene | Simul
     return study
 
 
-def value_in_module(module: str, name: str) -> Any:
+def value_in_module(module: str, name: str, kind: type) -> Any:
     """A value in a module of the user: in a file of the current folder, or in an installed module.
+
+    An error lists the classes and objects of a kind.
 
     DeclarationError is raised if the module or the name does not exist, or if the module raises an exception.
     """
@@ -114,7 +116,8 @@ def value_in_module(module: str, name: str) -> Any:
         except Exception as error:
             raise DeclarationError(f"{module}:{name}: the module raised {text_of(error)}.") from error
     if not hasattr(found, name):
-        raise DeclarationError(f"{module}:{name}: the module has no {name!r}.{did_you_mean(name, vars(found))}")
+        own = [k for k, v in vars(found).items() if issubclass(v if isinstance(v, type) else type(v), kind)]
+        raise DeclarationError(f"{module}:{name}: the module has no {name!r}.{did_you_mean(name, own) if own else ''}")
     return getattr(found, name)
 
 

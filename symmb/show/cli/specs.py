@@ -1,5 +1,6 @@
 """Methods and solvers on the command line."""
 
+import inspect
 from collections.abc import Sequence
 
 from symmb._errors import DeclarationError
@@ -11,11 +12,19 @@ from symmb.show.cli.scene_file import value_in_module
 
 def method(text: str) -> Method:
     """The method of a text, such as "pce:4", or "module:Name" for a class or an object in a module of the user."""
-    module, _, name = text.partition(":")
-    if not name.isidentifier() or module in {entry.word for entry in METHODS}:
+    module, colon, name = text.partition(":")
+    if module in {entry.word for entry in METHODS} or not colon:
         return read_method(text)
-    found = value_in_module(module, name)
+    if not name.isidentifier() or not all(part.isidentifier() for part in module.split(".")):
+        try:
+            return read_method(text)
+        except DeclarationError as error:
+            own = "A method of your own is MODULE:NAME, for a class or an object in MODULE.py."
+            raise DeclarationError(f"{error} {own}") from error
+    found = value_in_module(module, name, Method)
     if isinstance(found, type) and issubclass(found, Method):
+        if inspect.isabstract(found):
+            raise DeclarationError(f"{text}: the class must define the function bounds(self, runs).")
         try:
             found = found()
         except TypeError as error:

@@ -19,9 +19,9 @@ continuation, response_surface   surrogates in addition to sparse grids
 
 `error_estimate` sets the estimated error of an output at a time. Check runs increase this error in `tensor_grids`, or,
 for more parameters, in `check_rounds`, `output_study`, `monotone` and `response_surface`. `adaptive_bounds` increases
-the error again: to the distance of runs beyond the range, to the noise, and near failed runs. `evidence` keeps the error
-with the name of the rule that decides it; `bounds.trace` lists the rules. `bounds.method` then limits all bounds to the
-values that an output can have.
+the error again: to the distance of runs beyond the range, to the noise, and near failed runs. `evidence` keeps the
+error with the name of the rule that decides it; `bounds.trace` lists the rules. `bounds.method` then limits all bounds
+to the values that an output can have.
 """
 
 from symmb.bound.bounds.adaptive.adaptive_bounds import adaptive_bounds

@@ -10,6 +10,7 @@ from symmb._magnitudes import LAST_DIGITS, SAME, SLIGHT
 from symmb._table import apart
 from symmb._threads import one_thread
 from symmb._types import Array, Executor, Indices, Mask
+from symmb.bound.bounds.adaptive.check_points import SAFETY
 from symmb.bound.bounds.adaptive.clock import Clock
 from symmb.bound.bounds.adaptive.evidence import Evidence
 from symmb.bound.bounds.adaptive.many_parameters import range_of_many
@@ -172,6 +173,9 @@ def _attained_or_estimated(
         evidence = evidence.at_least("failed runs", np.where(near_lost, unknown, 0.0).max(axis=0))
     floor = np.where(highest > lowest, np.where(is_noise, runs.floor, runs.noise), 0.0)
     evidence = evidence.replaced(is_noise, Evidence.of("noise", np.zeros(floor.shape))).at_least("noise", floor)
+    # Errors at check runs are multiplied by a safety factor, and noise alone causes such errors.
+    evidence = evidence.attributed((evidence.error <= SAFETY * runs.noise) & runs.noise_is_known, "noise")
+    evidence = evidence.attributed(highest == lowest, "exact")
     unresolved = is_noise | (evidence.error > highest - lowest)
     unresolved[:, known] = is_noise[known]
     lower = np.where(unresolved | below, lowest, np.minimum(estimated.lower, lowest))

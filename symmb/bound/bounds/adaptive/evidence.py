@@ -51,9 +51,13 @@ class Evidence:
             np.where(is_other, error, self.error), np.where(is_other, _NUMBERS[rule], self.rule).astype(np.int8)
         )
 
-    def plus(self, error: Array | float) -> "Evidence":
-        """Errors that are larger, by the same rules."""
-        return Evidence(self.error + error, self.rule)
+    def plus(self, rule: str, error: Array) -> "Evidence":
+        """Errors that are larger by those of another rule, which decides if its errors are the larger part."""
+        return Evidence(self.error + error, self._where(self.error < error, rule, error).rule)
+
+    def attributed(self, which: Mask, rule: str) -> "Evidence":
+        """The same errors, which another rule decides where a mask (n_t, n_y) is True."""
+        return self._where(which, rule, self.error)
 
     def replaced(self, which: Mask, other: "Evidence") -> "Evidence":
         """The other evidence where a mask (n_t, n_y) or (n_y,) is True."""

@@ -153,7 +153,7 @@ class OutputStudy:
         study = self.runs, self.expansion, self.grid, self.sizes, self.estimate, self.tolerance
         found = yield from CheckRounds(*study, has_corners).steps()
         of_range = SPARSE_RANGE * self.tolerance * (found.upper - found.lower)
-        return found._replace(evidence=found.evidence.plus(of_range))
+        return found._replace(evidence=found.evidence.plus("range", of_range))
 
     def _continued(self) -> Piecewise:
         """The expansion continued through all check runs."""

@@ -183,7 +183,7 @@ class TensorGrids:
             return None
         name = "an interpolant on a tensor grid" if len(union.pieces) == 1 else f"interpolants on {_grids(union)}"
         is_enough = max(error, RANGE_ERROR) <= tolerance
-        evidence = evidence.plus(RANGE_ERROR * width)
+        evidence = evidence.plus("range", RANGE_ERROR * width)
         return EstimatedRange(union.lower, union.upper, evidence, union.polynomials, name, union.places, is_enough)
 
     def _at_kinks(self, union: _Union, estimate: Array) -> EstimatedRange | None:
