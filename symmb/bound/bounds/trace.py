@@ -138,7 +138,7 @@ class Trace(Sequence[Step]):
     def of_record(cls, record: Record, n_t: int, n_y: int) -> "Trace":
         """The trace of a file."""
         numbers = {name: k for k, name in enumerate(RULES)}
-        rules = np.zeros((n_t, n_y), dtype=np.int8)
+        rules = np.zeros((n_t, n_y), dtype=np.intp)
         for own in record.records("decided", "output", "time", "rule"):
             rules[int(own.number("time")) :, int(own.number("output"))] = numbers[own.text("rule", *RULES)]
         return cls(tuple(_step(each) for each in record.records("steps")), rules)

@@ -27,7 +27,7 @@ class Evidence:
     @classmethod
     def of(cls, rule: str, error: Array) -> "Evidence":
         """Errors that one rule decides."""
-        return cls(error, np.full(error.shape, _NUMBERS[rule], dtype=np.int8))
+        return cls(error, np.full(error.shape, _NUMBERS[rule], dtype=np.intp))
 
     @classmethod
     def joined(cls, parts: Sequence["Evidence"], n_t: int) -> "Evidence":
@@ -48,7 +48,7 @@ class Evidence:
 
     def _where(self, is_other: Mask, rule: str, error: Array | float) -> "Evidence":
         return Evidence(
-            np.where(is_other, error, self.error), np.where(is_other, _NUMBERS[rule], self.rule).astype(np.int8)
+            np.where(is_other, error, self.error), np.where(is_other, _NUMBERS[rule], self.rule).astype(np.intp)
         )
 
     def plus(self, rule: str, error: Array) -> "Evidence":

@@ -100,7 +100,7 @@ class Runs:
         self.is_attained = np.empty(0, dtype=bool)
         self._row: dict[bytes, int] = {}
         self.steps, self._last = list[Step](), dict[str, float]()
-        self._made = dict.fromkeys(("node", "check run", "noise run"), 0)
+        self._made: dict[str, int] = dict.fromkeys(("node", "check run", "noise run"), 0)
 
     def __len__(self) -> int:
         """Number of runs so far, including failed runs."""
