@@ -72,7 +72,7 @@ LISTED = {
     name: frozenset((Path(__file__).parent / f"{name}.txt").read_text(encoding="utf-8").splitlines())
     for name in ("slow", "long")
 }
-"""Names of tests that take more than 0.2 s of processor time, and of those that take more than 0.8 s (`costs.py`)."""
+"""Names of tests that take more than 0.2 s of processor time, and of those that take more than 0.7 s (`costs.py`)."""
 
 
 @pytest.hookimpl(tryfirst=True)  # before tests are selected by their marks
