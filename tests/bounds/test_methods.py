@@ -10,7 +10,7 @@ import pytest
 import scipy.stats
 from black_boxes import reloaded
 from conftest import ALL_METHODS
-from faults import refused, warned
+from faults import refused
 from machines import ball
 from oscillators import BOX, TIMES, Wave, wave, wave_bounds
 from small_scenes import formulas
@@ -132,18 +132,6 @@ OPTIONS = [
 def test_options_out_of_range(make, options, message):
     for values in itertools.product(*options.values()):
         refused(message, make, **dict(zip(options, values, strict=True)))
-
-
-def test_a_method_of_ones_own_needs_one_function():
-    class Nominal(mb.Method):
-        kind = "sampled"
-
-        def bounds(self, runs):
-            Y = runs([[1.0, 1.0]])
-            return Y[0], Y[0]
-
-    result = warned("Runs at 9 of 9 other points are outside of the bounds", propagate, Wave(), Nominal(), BOX)
-    np.testing.assert_array_equal(result.lower, result.upper)
 
 
 # Bounds of figures of motions: closed forms, kinks between hills, answers, files.

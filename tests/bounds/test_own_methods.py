@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from faults import refused
+from faults import refused, warned
 
 import symmb as mb
 from symmb.show.cli.main import main
@@ -59,6 +59,18 @@ def test_arrays_become_bounds():
     assert (bounds.estimate == 0.1).all() and bounds.inner is not None
     np.testing.assert_array_equal(bounds.inner[1], bounds.upper)
     assert bounds.worst("x").upper.parameters["a"] == 3.0 and bounds.box == BOX
+
+
+def test_a_method_without_estimate_is_checked():
+    class Middle(mb.Method):
+        kind = "sampled"
+
+        def bounds(self, runs):
+            Y = runs([(runs.lower + runs.upper) / 2])
+            return Y[0], Y[0]
+
+    result = warned("other points are outside of the bounds", mb.propagate, simulator(), Middle(), BOX)
+    np.testing.assert_array_equal(result.lower, result.upper)
 
 
 def test_runs_of_executors_and_stores_are_those_of_this_thread(tmp_path):
