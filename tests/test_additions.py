@@ -63,23 +63,18 @@ class Midpoint(Solver):
 '''
 METHOD = '''"""Extremes over the middle of the box and its corners."""
 
-from dataclasses import dataclass
-from typing import ClassVar
-
 import numpy as np
 
 from symmb._types import Array
 from symmb.bound.bounds.box_runs import RunsOverBox
 from symmb.bound.bounds.method import Method
-from symmb.bound.bounds.result_file import Kind
 from symmb.bound.nodes import corners
 
 
-@dataclass(frozen=True)
 class Ends(Method):
     """The middle of the box and its corners."""
 
-    kind: ClassVar[Kind] = "sampled"
+    kind = "sampled"
 
     def bounds(self, runs: RunsOverBox) -> tuple[Array, Array]:
         unit = np.concatenate([np.zeros((1, len(runs.box))), corners(len(runs.box))])
