@@ -25,17 +25,7 @@ SECONDS = {"slow": 0.2, "long": 0.7}
 """Processor seconds of slow and of long tests. README's command leaves out both, and `.ci/run` leaves out long ones."""
 
 FOLDER = Path(__file__).parent
-KEPT = {
-    "tests/bounds/test_noise.py::test_what_has_died_out_is_not_doubtful",
-    "tests/drawing/test_page.py::test_pages_show_the_run[stick_slip]",
-    "tests/prove/test_proved_switches.py::test_a_law_of_time_that_parameters_move",
-    "tests/exchange/test_fmu_export.py::test_an_fmu_is_bounded_as_its_scene",
-    "tests/report/test_report.py::test_comparisons",
-    "tests/report/test_report.py::test_the_command_line",
-    "tests/codegen/test_build.py::test_another_source_compiler_or_processor_is_another_library[flags]",
-    "tests/integrate/test_step_ends.py::test_narrow_zones_do_their_work_between_impacts[0.001-2.0]",
-    "tests/simulation/test_derivatives.py::test_trajectories_of_every_solver[CVODES()]",
-}
+KEPT = frozenset((FOLDER / "kept.txt").read_text(encoding="utf-8").splitlines())
 """Tests that are not listed all the same: without these, the fast tests reach too little of the rooms, or do not catch
 enough of the planted faults."""
 
