@@ -106,15 +106,15 @@ from .run.integrate.stabilization import Projection as Projection
 from .run.integrate.state_space import StateSpace as StateSpace
 
 # Bounds and their methods
-from .bound.bounds.propagation import propagate as propagate
-from .bound.bounds.method import Method as Method
-from .bound.bounds.polynomial_chaos import PolynomialChaos as PolynomialChaos
-from .bound.bounds.taylor import Taylor as Taylor
-from .bound.bounds.taylor_model import TaylorModel as TaylorModel
-from .bound.bounds.sampling import MonteCarlo as MonteCarlo, Scanning as Scanning, Vertex as Vertex
-from .bound.bounds.optimization import Optimization as Optimization
-from .bound.bounds.swarm import Swarm as Swarm
-from .bound.bounds.interval_arithmetic import IntervalArithmetic as IntervalArithmetic
+from .bound.propagation.propagation import propagate as propagate
+from .bound.methods.method import Method as Method
+from .bound.methods.polynomial_chaos import PolynomialChaos as PolynomialChaos
+from .bound.methods.taylor import Taylor as Taylor
+from .bound.methods.taylor_model import TaylorModel as TaylorModel
+from .bound.methods.sampling import MonteCarlo as MonteCarlo, Scanning as Scanning, Vertex as Vertex
+from .bound.methods.optimization import Optimization as Optimization
+from .bound.methods.swarm import Swarm as Swarm
+from .bound.methods.interval_arithmetic import IntervalArithmetic as IntervalArithmetic
 
 # Nodes and polynomials
 from .bound.nodes.quadrature import ChebyshevGauss as ChebyshevGauss, ClenshawCurtis as ClenshawCurtis, Gauss as Gauss
@@ -154,9 +154,9 @@ from .show.exchange.fmu import save_fmu as save_fmu
 # Results
 from .run.simulation.trajectory import Trajectory as Trajectory
 from .run.events.impulses import Event as Event
-from .bound.bounds.result import Bounds as Bounds
-from .bound.bounds.contributions import Contributions as Contributions
-from .bound.bounds.limits import LimitCheck as LimitCheck
+from .bound.answers.result import Bounds as Bounds
+from .bound.answers.contributions import Contributions as Contributions
+from .bound.answers.limits import LimitCheck as LimitCheck
 from .bound.polynomials.expansion import Expansion as Expansion, Moments as Moments
 from .study.comparison_result import Comparison as Comparison
 from .run.linear.result import Linearization as Linearization

@@ -21,7 +21,7 @@ from joints import ALL_JOINTS as ALL_JOINTS
 from joints import ALL_POSES as ALL_POSES
 
 from symmb import ChebyshevGauss, ClenshawCurtis, Gauss, HyperbolicCross, Leja, SparseGrid, TensorDegree, TotalDegree
-from symmb.bound.bounds import METHODS
+from symmb.bound.methods import METHODS
 from symmb.run.codegen import build
 from symmb.run.integrate import SOLVERS
 

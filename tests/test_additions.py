@@ -66,9 +66,9 @@ METHOD = '''"""Extremes over the middle of the box and its corners."""
 import numpy as np
 
 from symmb._types import Array
-from symmb.bound.bounds.box_runs import RunsOverBox
-from symmb.bound.bounds.method import Method
+from symmb.bound.methods.method import Method
 from symmb.bound.nodes import corners
+from symmb.bound.responses import RunsOverBox
 
 
 class Ends(Method):
@@ -143,12 +143,12 @@ def test_additions_touch_the_files_that_contributing_names(tmp_path):
     replace(registry, ")\nWORDS", f"{entry})\nWORDS")
     append(names, "from .run.integrate.midpoint import Midpoint as Midpoint\n")
 
-    (symmb / "bound/bounds/ends.py").write_text(METHOD, encoding="utf-8")
-    registry = symmb / "bound/bounds/registry.py"
-    interval = "from symmb.bound.bounds.interval"
-    replace(registry, interval, f"from symmb.bound.bounds.ends import Ends\n{interval}")
+    (symmb / "bound/methods/ends.py").write_text(METHOD, encoding="utf-8")
+    registry = symmb / "bound/methods/registry.py"
+    interval = "from symmb.bound.methods.interval"
+    replace(registry, interval, f"from symmb.bound.methods.ends import Ends\n{interval}")
     replace(registry, "] = (\n", '] = (\n    MethodEntry("ends", "Ends()", Ends),\n')
-    append(names, "from .bound.bounds.ends import Ends as Ends\n")
+    append(names, "from .bound.methods.ends import Ends as Ends\n")
 
     form = '    ".tsv": Format("table", _write_tabs, lambda data: _of_table(data.replace(b"\\t", b","))),\n'
     write = """def _write_tabs(file: BinaryIO, columns: Table) -> None:

@@ -25,7 +25,7 @@ WINGS = {
     "connect": "",
     "run": "schemes codegen events integrate formulations verification simulation linear",
     "prove": "",
-    "bound": "polynomials nodes bounds",
+    "bound": "polynomials nodes searches responses answers adaptive methods reductions propagation",
     "study": "",
     "show": "drawing exchange live report",
 }

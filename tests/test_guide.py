@@ -19,7 +19,7 @@ from machines import ball, rods
 
 import symmb as mb
 from symmb._progress import Progress
-from symmb.bound.bounds.worst_case import Worst, WorstCase
+from symmb.bound.responses.worst_case import Worst, WorstCase
 
 ROOT = Path(__file__).parents[1]
 GUIDE = ROOT / "examples" / "guide"

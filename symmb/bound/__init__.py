@@ -6,13 +6,13 @@ Out:  Bounds: lower and upper values of each output at each time, with an error.
 
 polynomials   bases, fits, and the ranges of polynomials
 nodes         points for runs, and fits to the runs
-bounds        methods, bounds, and answers; `adaptive` is the method that chooses its own runs
+searches      searches for extremes, and surrogates of few runs
+responses     runs over a box, and what is known of their responses
+answers       Bounds, and what they answer
+adaptive      polynomial chaos that chooses its own runs, `PolynomialChaos()`
+methods       the other methods, one file for each, and their registry
+reductions    features of a box that are taken out before a study, and put back into its bounds
+propagation   `propagate`: reduce, bound, and check
 
 A method declares what it needs of a simulator: runs, derivatives, or equations.
-
-`propagate` in `bounds.propagation` makes the simulator, computes bounds by the method (`bounds.method`), and adds
-warnings (`bounds.doubts`; `bounds.check_runs` checks methods without an estimated error). The Bounds then answer:
-`bounds.limits` decides limits (`bounds.further_runs` searches closer runs, and `bounds.between_times` examines curves
-between output times), `bounds.answers` has means, standard deviations and quantiles, `bounds.contributions`
-attributes widths and variances to parameters, and `bounds.probabilities` computes probabilities.
 """

@@ -13,7 +13,7 @@ U = 2.0**-53
 """Largest relative error of a sum, a product, a quotient or a square root."""
 FUNCTION_ERROR = 16 * U
 """Relative error of an elementary function: eight units in the last place, four times the errors of C
-libraries. This is checked in tests/bounds/test_interval.py."""
+libraries. This is checked in tests/methods/test_interval.py."""
 COMPLEX_ERROR = 32 * U
 """Error of an operation on complex numbers, relative to the modulus of the result."""
 LARGEST_ZERO = 1e-250

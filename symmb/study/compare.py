@@ -15,18 +15,11 @@ from symmb._options import require_callable
 from symmb._progress import RunProgress, shown
 from symmb._types import Array, Executor, Expr
 from symmb._units import units_of_parameters
-from symmb.bound.bounds import (
-    METHODS,
-    Bounds,
-    Kind,
-    Method,
-    bounded,
-    checked,
-    doubted,
-    method_of,
-    parameter_samples,
-    units_of,
-)
+from symmb.bound.answers import Bounds, Kind
+from symmb.bound.methods import METHODS, Method, method_of, units_of
+from symmb.bound.propagation import checked, doubted
+from symmb.bound.reductions import bounded, over_parts
+from symmb.bound.responses import parameter_samples
 from symmb.connect import Simulator, StoredSimulator, noise_from_runs
 from symmb.equations.model import Box, Scene
 from symmb.run.integrate import Solver
@@ -267,8 +260,9 @@ def _measured(
         )
     except (PropagationError, SimulationError) as error:
         return NotRun(repr(method), str(error).removeprefix(f"{method!r}: "))
-    bounds = doubted(simulator, box, bounds)
-    return _Measured(bounds, seconds, checked(method, simulator, box, bounds, executor).doubts)
+    bounds = over_parts(bounds, partial(doubted, simulator))
+    doubts = over_parts(bounds, lambda own: checked(method, simulator, own, executor)).doubts
+    return _Measured(bounds, seconds, doubts)
 
 
 def _confronted(

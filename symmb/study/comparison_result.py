@@ -13,7 +13,7 @@ from symmb._labelled import BOUND, Labelled, Named, Result, known, over_outputs,
 from symmb._presentation import presentation
 from symmb._table import span_text
 from symmb._types import Array, Figure
-from symmb.bound.bounds import box_coordinates, box_entries, box_of
+from symmb.bound.answers import box_coordinates, box_entries, box_of
 from symmb.equations.model import Box
 from symmb.results import plot
 from symmb.results.files import NOT_KEPT, Record, Saved, attributes, entries, entry

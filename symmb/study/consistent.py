@@ -19,10 +19,11 @@ from symmb._options import require_positive, shown
 from symmb._table import aligned
 from symmb._types import Array, Indices, Mask
 from symmb._units import label, units_of_parameters
-from symmb.bound.bounds import PolynomialChaos, bounded
+from symmb.bound.methods import PolynomialChaos
 from symmb.bound.nodes import Sobol
 from symmb.bound.polynomials import MultiIndices, basis_values, in_other_coordinates
 from symmb.bound.polynomials.ranges import Piecewise
+from symmb.bound.reductions import bounded
 from symmb.equations.model import Box, share_of
 from symmb.results.files import Record, Saved, entry
 from symmb.study.residuals import Residuals

@@ -16,7 +16,9 @@ from symmb._progress import shown_runs
 from symmb._table import aligned
 from symmb._types import Array, Executor
 from symmb._units import units_of_parameters
-from symmb.bound.bounds import Bounds, LimitCheck, Limits, far_intervals, limit_pairs, limit_text, unit_suffix, units_of
+from symmb.bound.answers import Bounds, LimitCheck, Limits, limit_pairs, limit_text, unit_suffix
+from symmb.bound.methods import units_of
+from symmb.bound.propagation import far_intervals
 from symmb.connect import Progress, Simulator
 from symmb.equations.model import Box, Scene, require_only_intervals
 from symmb.run.integrate import Solver

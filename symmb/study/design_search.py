@@ -15,20 +15,13 @@ from symmb._errors import PropagationError
 from symmb._names import ByName
 from symmb._types import Array, Executor
 from symmb._units import units_of_parameters
-from symmb.bound.bounds import (
-    Bounds,
-    LimitCheck,
-    Limits,
-    PolynomialChaos,
-    Study,
-    bounded,
-    finished,
-    fitted,
-    gathered,
-    parameter_samples,
-)
-from symmb.bound.nodes import Sobol, corners
+from symmb.bound.answers import Bounds, LimitCheck, Limits
+from symmb.bound.methods import PolynomialChaos
+from symmb.bound.nodes import Sobol, corners, fitted
 from symmb.bound.polynomials.ranges import Piecewise
+from symmb.bound.propagation import Study, finished
+from symmb.bound.reductions import bounded
+from symmb.bound.responses import gathered, parameter_samples
 from symmb.connect import Progress, Simulator
 from symmb.equations.model import Box
 

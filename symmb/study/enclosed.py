@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from symmb._types import Array
-from symmb.bound.bounds import Bounds
+from symmb.bound.answers import Bounds
 from symmb.study.metrics import Yardstick
 from symmb.study.reference import Reference
 

@@ -10,8 +10,11 @@ import numpy as np
 from symmb._errors import PropagationError, SimulationError
 from symmb._magnitudes import SAME
 from symmb._types import Array, Executor
-from symmb.bound.bounds import Bounds, Method, MonteCarlo, Optimization, Scanning, Vertex, bounded, gathered
+from symmb.bound.answers import Bounds
+from symmb.bound.methods import Method, MonteCarlo, Optimization, Scanning, Vertex
 from symmb.bound.nodes import Sobol
+from symmb.bound.reductions import bounded
+from symmb.bound.responses import gathered
 from symmb.connect import Simulator
 from symmb.equations.model import Box
 from symmb.results.files import Record, entry

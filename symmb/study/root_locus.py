@@ -14,7 +14,10 @@ from symmb._options import require_instance, whole
 from symmb._table import aligned
 from symmb._types import Array, Figure
 from symmb._units import label, units_of_parameters
-from symmb.bound.bounds import Method, PolynomialChaos, box_entries, box_of, method_of, parameter_samples, propagate
+from symmb.bound.answers import box_entries, box_of
+from symmb.bound.methods import Method, PolynomialChaos, method_of
+from symmb.bound.propagation import propagate
+from symmb.bound.responses import parameter_samples
 from symmb.equations.model import Box, Scene
 from symmb.results import plot
 from symmb.results.files import NOT_KEPT, Record, Saved, attributes, entries, entry

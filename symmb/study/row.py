@@ -6,7 +6,7 @@ from typing import Any
 from symmb._errors import WithWarnings
 from symmb._labelled import Counted
 from symmb._types import Array
-from symmb.bound.bounds import INNER, inner_entries, kind_of
+from symmb.bound.answers import INNER, inner_entries, kind_of
 from symmb.results.files import NOT_KEPT, Record, attributes, entries, entry
 from symmb.study.metrics import Score, Yardstick
 

@@ -17,7 +17,7 @@ from symmb._options import require_callable, require_positive
 from symmb._progress import shown
 from symmb._table import aligned
 from symmb._types import Array, Figure
-from symmb.bound.bounds import parameter_samples
+from symmb.bound.responses import parameter_samples
 from symmb.equations.model import Box, Scene
 from symmb.results import plot
 from symmb.results.files import NOT_KEPT, Record, Saved, attributes, entries, entry

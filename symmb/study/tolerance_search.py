@@ -9,19 +9,12 @@ import numpy as np
 from symmb._errors import DeclarationError, PropagationError
 from symmb._types import Array, Executor, Mask
 from symmb._units import typeset, units_of_parameters
-from symmb.bound.bounds import (
-    Bounds,
-    Extremes,
-    LimitCheck,
-    PolynomialChaos,
-    Study,
-    WorstCase,
-    bounded,
-    idle_parameters,
-    parameter_samples,
-    units_of,
-)
+from symmb.bound.answers import Bounds, LimitCheck
+from symmb.bound.methods import PolynomialChaos, units_of
 from symmb.bound.polynomials.ranges import Piecewise
+from symmb.bound.propagation import Extremes, Study, idle_parameters
+from symmb.bound.reductions import bounded
+from symmb.bound.responses import WorstCase, parameter_samples
 from symmb.connect import Progress, Simulator
 from symmb.equations.model import Box
 

@@ -15,20 +15,10 @@ from symmb._options import is_finite_number, require_name, shown
 from symmb._progress import shown_runs
 from symmb._table import aligned
 from symmb._types import Array, Executor
-from symmb.bound.bounds import (
-    Bounds,
-    LimitCheck,
-    Limits,
-    PolynomialChaos,
-    Statistics,
-    WorstCase,
-    box_entries,
-    box_of,
-    finished,
-    limit_pairs,
-    statistics_of,
-    units_of,
-)
+from symmb.bound.answers import Bounds, LimitCheck, Limits, Statistics, box_entries, box_of, limit_pairs, statistics_of
+from symmb.bound.methods import PolynomialChaos, units_of
+from symmb.bound.propagation import finished
+from symmb.bound.responses import WorstCase
 from symmb.connect import Progress, Simulator
 from symmb.equations.model import Box, Scene, require_only_intervals, with_some_outputs
 from symmb.results.files import NOT_KEPT, Record, Saved, attributes, entries, entry

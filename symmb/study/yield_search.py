@@ -10,7 +10,7 @@ from scipy.special import ndtri
 from symmb._errors import PropagationError
 from symmb._names import normal_keys
 from symmb._types import Array
-from symmb.bound.bounds import Bounds, Laws, laws_within, rejects_of
+from symmb.bound.answers import Bounds, Laws, laws_within, rejects_of
 from symmb.bound.nodes import Sobol
 from symmb.bound.polynomials.ranges import Piecewise
 from symmb.study.tolerance_search import MAX_STUDIES, OWNER, SETTLED, Search

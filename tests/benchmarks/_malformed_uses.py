@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 
 import symmb as mb
-from symmb.bound.bounds.method import Method
+from symmb.bound.methods.method import Method
 from symmb.declare.mechanics import AbstractBody, Element, Point
 from symmb.run.integrate import Solver
 

@@ -23,8 +23,8 @@ from models import (
     spherical_pendulum,
 )
 from symmb import DAESimulator
-from symmb.bound.bounds import bounded
-from symmb.bound.bounds.method import Method
+from symmb.bound.methods.method import Method
+from symmb.bound.reductions import bounded
 
 
 @dataclass(frozen=True)

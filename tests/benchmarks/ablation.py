@@ -2,7 +2,7 @@
 
     PYTHONPATH=. python tests/benchmarks/ablation.py [package] [names ...]
 
-Numbers are those that names of modules and classes are given in the package, `bound/bounds/adaptive` unless another is
+Numbers are those that names of modules and classes are given in the package, `bound/adaptive` unless another is
 named. Parts of tuples are numbers of their own. Cases are in `_ablation.py`. Cases that call no function which reads a
 number are not run for it. For each suite: all runs, the median and the largest error over the width, the median of the
 estimate over the error, misses without a doubt, and doubts about bounds that are right. A row shows the figures that
@@ -239,5 +239,5 @@ def main(package: str, names: list[str]) -> None:
 
 if __name__ == "__main__":
     sys.modules["ablation"] = sys.modules["__main__"]
-    package, *names = sys.argv[1:] or ["bound/bounds/adaptive"]
+    package, *names = sys.argv[1:] or ["bound/adaptive"]
     main(package, names)

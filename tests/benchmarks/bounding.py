@@ -22,8 +22,8 @@ import models
 import symmb as mb
 from models import double_pendulum
 from symmb import DAESimulator
-from symmb.bound.bounds import bounded
-from symmb.bound.bounds.method import Method
+from symmb.bound.methods.method import Method
+from symmb.bound.reductions import bounded
 
 SPREADS = (0.05, 0.1, 0.15, 0.2)
 COLUMNS = {"d": 3, "values": 8, "runs": 6, "runs, s": 9, "beyond, s": 11, "of allowed": 12, "first, s": 10}

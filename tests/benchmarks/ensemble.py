@@ -19,7 +19,7 @@ from _casadi import idas, minimal, redundant, runge_kutta
 from models.double_pendulum import scene
 
 import symmb as mb
-from symmb.bound.bounds import bounded
+from symmb.bound.reductions import bounded
 from symmb import DAESimulator
 
 try:

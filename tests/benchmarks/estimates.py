@@ -14,7 +14,7 @@ import numpy as np
 from _suite import CASES, reference_of, simulator_of
 
 import symmb as mb
-from symmb.bound.bounds import bounded
+from symmb.bound.reductions import bounded
 
 TOLERANCES = (1e-1, 1e-2, 1e-3)
 MOST = 1500

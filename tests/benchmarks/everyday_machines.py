@@ -21,8 +21,8 @@ from _machines_b import MACHINES as MACHINES_B
 from _true_ranges import true_range
 
 import symmb as mb
-from symmb.bound.bounds.adaptive import runs as adaptive_runs
-from symmb.bound.bounds.time_windows import average_over_window, rms
+from symmb.bound.adaptive import runs as adaptive_runs
+from symmb.bound.responses.time_windows import average_over_window, rms
 from symmb.run.simulation import simulator_of
 
 MACHINES = MACHINES_A | MACHINES_B

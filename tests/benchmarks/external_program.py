@@ -25,7 +25,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 import symmb as mb
-from symmb.bound.bounds import bounded
+from symmb.bound.reductions import bounded
 from symmb.connect import open_run_database
 
 TIMES = np.linspace(0.0, 2.0, 5)

@@ -24,7 +24,7 @@ from _timing import pin
 
 import symmb as mb
 from models import bouncing_ball, double_pendulum, four_bar, half_car, heavy_top, slider_crank, slider_crank_spatial
-from symmb.bound.bounds.method import Method
+from symmb.bound.methods.method import Method
 from symmb.study.metrics import Yardstick
 from symmb.study.reference import find_reference
 

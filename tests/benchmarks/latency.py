@@ -20,7 +20,7 @@ from _casadi import idas, minimal, redundant, runge_kutta
 from models import double_pendulum, four_bar
 
 import symmb as mb
-from symmb.bound.bounds import bounded
+from symmb.bound.reductions import bounded
 from symmb import DAESimulator
 from symmb.run.integrate.solver import Solver
 

@@ -13,7 +13,7 @@ from _suite import boxed, chain
 import symmb as mb
 from models import double_pendulum
 from symmb import DAESimulator
-from symmb.bound.bounds import bounded
+from symmb.bound.reductions import bounded
 
 
 def rms(a: np.ndarray) -> np.ndarray:

@@ -14,7 +14,7 @@ import numpy as np
 from models.double_pendulum import scene
 
 import symmb as mb
-from symmb.bound.bounds import bounded
+from symmb.bound.reductions import bounded
 from symmb import DAESimulator
 
 SAMPLES = 1_000_000

@@ -66,7 +66,7 @@ def case(rng: np.random.Generator) -> tuple[str, mb.FunctionSimulator, mb.Box, n
     return f"{kind} {d}", simulator, box, unit * lower[:, None], unit * upper[:, None]
 
 
-def outcomes(seed: int, cases: int) -> Iterator[tuple[mb.bound.bounds.Method, str, float, bool]]:
+def outcomes(seed: int, cases: int) -> Iterator[tuple[mb.Method, str, float, bool]]:
     """Method, case, error over the width, and whether it was doubted."""
     rng = np.random.default_rng(seed)
     for _ in range(cases):

@@ -16,7 +16,7 @@ import numpy as np
 from everyday_machines import NEEDLESS, SILENT, doubtful_times, windowed
 
 import symmb as mb
-from symmb.bound.bounds.time_windows import rms
+from symmb.bound.responses.time_windows import rms
 
 RUNS = 8001
 Made = tuple[str, mb.Scene]

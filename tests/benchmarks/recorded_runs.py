@@ -4,7 +4,7 @@ Each of the ten kinds has tables with 60 to 500 runs. A table is `good` if the e
 true width, `told` if only the estimate covers the error, and `silent` otherwise. `needless` estimates are above 10 % of
 the width, although the error is below 3 % of it and below a tenth of the estimate.
 
-    PYTHONPATH=.:tests:tests/bounds python tests/benchmarks/recorded_runs.py [--seed 0] [--tables 4]
+    PYTHONPATH=.:tests:tests/methods python tests/benchmarks/recorded_runs.py [--seed 0] [--tables 4]
 
 With `--peers`, tables of eight textbook functions show symmb beside OpenTURNS (sparse chaos by LARS), chaospy
 (regression) and SALib (RBD-FAST, which has no bounds, only indices). Three rows of each table failed and are nan. The

@@ -14,7 +14,7 @@ import pytest
 from faults import printed, refused, refused_command
 
 import symmb as mb
-from symmb.bound.bounds.method import Method
+from symmb.bound.methods.method import Method
 from symmb.run.integrate.solver import Solver
 from symmb.show.cli import specs
 from symmb.show.cli.main import main

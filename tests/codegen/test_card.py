@@ -276,7 +276,7 @@ def test_quantiles_and_moments_of_many_runs(tmp_path, monkeypatch):
     outputs = {"y": ca.if_else(a < 0.4, 0.0, 1.0) + machine.ball.x}  # polynomials do not follow the step
     scene = machine.scene(outputs, times, {"ball.vx": a / 4}, box=mb.Box(a=(0.0, 1.0)))
     for module in ("law_samples", "statistical"):
-        monkeypatch.setattr(f"symmb.bound.bounds.{module}.SAMPLES_ON_CARD", 2**10)
+        monkeypatch.setattr(f"symmb.bound.answers.{module}.SAMPLES_ON_CARD", 2**10)
     bounds = mb.propagate(scene, mb.Vertex(), solver=mb.DormandPrince(), device=Processor(tmp_path))
     q, laws = np.array([0.03, 0.3, 0.5, 0.77]), {"a": uniform(0, 1)}
     found = bounds.quantiles("y", q, laws)

@@ -16,7 +16,7 @@ from faults import refused, warned
 from numpy.testing import assert_allclose
 
 import symmb as mb
-from symmb.bound.bounds import bounded
+from symmb.bound.reductions import bounded
 
 pytest.importorskip("fmpy")
 if shutil.which("cc") is None and shutil.which("gcc") is None:

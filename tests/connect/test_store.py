@@ -19,7 +19,7 @@ from faults import refused, told_in_a_line
 
 import symmb as mb
 from models import double_pendulum
-from symmb.bound.bounds import bounded
+from symmb.bound.reductions import bounded
 from symmb.connect import run_blocks, run_database
 from symmb.connect.run_database import open_run_database
 from symmb.show.cli.main import main

@@ -11,7 +11,7 @@ from mechanisms import double_pendulum, explosion
 from numpy.testing import assert_allclose, assert_array_equal
 
 import symmb as mb
-from symmb.bound.bounds.reductions import failures
+from symmb.bound.responses.streams import failures
 from symmb.run.formulations.ensembles import NAMED_SAMPLES
 
 ADAPTIVE = [s for s in ALL_SOLVERS if isinstance(s, mb.IDAS | mb.CVODES)]

@@ -151,7 +151,7 @@ def test_a_method_has_one_colour_in_every_picture():
 
 @pytest.mark.parametrize("of", ["METHODS", "SOLVERS"])
 def test_all_methods_and_solvers_differ(of):
-    from symmb.bound.bounds import METHODS
+    from symmb.bound.methods import METHODS
     from symmb.run.integrate import SOLVERS
 
     if of == "METHODS":

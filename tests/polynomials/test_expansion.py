@@ -15,7 +15,7 @@ from textbook_functions import ishigami
 
 import symmb as mb
 from symmb import HyperbolicCross, TotalDegree
-from symmb.bound.bounds import bounded
+from symmb.bound.reductions import bounded
 
 
 @pytest.mark.parametrize("nodes, error", [(mb.Gauss(), 1e-6), (mb.ClenshawCurtis(), 1e-5), (mb.Leja(), 2e-5)], ids=repr)

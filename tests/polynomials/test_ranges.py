@@ -9,11 +9,11 @@ from scipy.optimize import minimize
 
 import symmb as mb
 from symmb import Bernstein, ChebyshevInclusion, Exact, LegendreInclusion
-from symmb.bound.bounds import bounded
 from symmb.bound.nodes.fit import Fit
 from symmb.bound.polynomials.chebyshev import LowerSet
 from symmb.bound.polynomials.legendre import basis_values, tensor_degree, total_degree
 from symmb.bound.polynomials.ranges import dense_extremes
+from symmb.bound.reductions import bounded
 
 CUBIC = np.arange(4)[:, None], np.array([[1 / 12], [-1 / 20], [-1 / 12], [1 / 20]])
 SPARSE = np.array([[0, 0, 0, 0], [5, 0, 0, 0], [0, 3, 0, 1], [2, 0, 2, 0], [0, 0, 0, 8], [1, 1, 1, 1]])

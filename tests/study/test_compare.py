@@ -15,7 +15,7 @@ from mechanisms import double_pendulum, double_pendulum_by_hand, explosion
 from small_scenes import state
 
 import symmb as mb
-from symmb.bound.bounds.method import Method
+from symmb.bound.methods.method import Method
 from symmb.study import compare
 from symmb.study.compare import _confronted, _doubt_of_reference, compare_simulator, default_methods
 from symmb.study.reference import Reference, _resolutions, find_reference

@@ -10,7 +10,7 @@ import symmb as mb
 from symmb._errors import DeclarationError
 from symmb._options import require_names, shown
 from symmb._units import number_or_quantity, quantity, units_of_parameters
-from symmb.bound.bounds import limit_pairs
+from symmb.bound.answers import limit_pairs
 from symmb.connect import Simulator
 from symmb.show.cli import specs
 from symmb.show.cli.result_path import result_paths, write_results

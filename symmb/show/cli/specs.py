@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from symmb._errors import DeclarationError
 from symmb._specs import Spec
-from symmb.bound.bounds import METHODS, Method, method_of, read_method
+from symmb.bound.methods import METHODS, Method, method_of, read_method
 from symmb.run.integrate import SOLVERS, WORDS, Solver, read_solver
 from symmb.show.cli.scene_file import value_in_module
 

@@ -13,8 +13,10 @@ from symmb._names import ByName
 from symmb._options import require_name
 from symmb._types import Array, Indices
 from symmb._units import label, units_of_parameters, with_units
-from symmb.bound.bounds import SIDES, Bounds, Sample, Study, parameter_samples, row_of, unit_suffix
+from symmb.bound.answers import Bounds, unit_suffix
 from symmb.bound.nodes import grid
+from symmb.bound.propagation import Study
+from symmb.bound.responses import SIDES, Sample, parameter_samples, row_of
 from symmb.declare.mechanics import Point
 from symmb.equations.model import Box, require_only_intervals
 from symmb.run.simulation import Sweep, Trajectory, simulate, simulator_with

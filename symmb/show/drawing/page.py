@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from symmb._types import Array
-from symmb.bound.bounds import SIDES
+from symmb.bound.responses import SIDES
 from symmb.results.plot import COLOURS as OF_BODIES
 from symmb.show.drawing.exhibit import Exhibit
 from symmb.show.drawing.forms import COLOURS, IN_WORLD, LIGHT, NOMINAL, directions, parts

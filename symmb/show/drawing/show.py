@@ -12,7 +12,7 @@ from symmb import _html as html
 from symmb._errors import DeclarationError
 from symmb._names import ByName
 from symmb._options import shown
-from symmb.bound.bounds import Bounds
+from symmb.bound.answers import Bounds
 from symmb.declare.mechanics import Point
 from symmb.equations.model import Scene
 from symmb.results.files import replacement, require_suffix

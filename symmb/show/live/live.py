@@ -9,7 +9,8 @@ import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._units import typeset, units_of_parameters
-from symmb.bound.bounds import Limits, limit_pairs, possible_values
+from symmb.bound.answers import Limits, limit_pairs
+from symmb.bound.methods import possible_values
 from symmb.equations.model import Scene, require_only_intervals
 from symmb.results.plot import labels
 from symmb.run.simulation import (

@@ -10,7 +10,7 @@ import numpy as np
 from symmb._errors import DeclarationError
 from symmb._types import Indices
 from symmb._units import typeset, units_of_parameters
-from symmb.bound.bounds import Bounds, Limits, limit_pairs
+from symmb.bound.answers import Bounds, Limits, limit_pairs
 from symmb.bound.polynomials.ranges import Piecewise
 from symmb.results.plot import labels
 from symmb.show.drawing import Drawing, MovingFrame, Page

@@ -12,7 +12,9 @@ from symmb import _html as html
 from symmb._errors import DeclarationError, SymmbError
 from symmb._magnitudes import SAME
 from symmb._types import Figure
-from symmb.bound.bounds import Bounds, Contributions, LimitCheck, Limits, Study, worst_rows
+from symmb.bound.answers import Bounds, Contributions, LimitCheck, Limits
+from symmb.bound.propagation import Study
+from symmb.bound.responses import worst_rows
 from symmb.equations.model import Scene
 from symmb.results import plot
 from symmb.results.files import require_suffix

@@ -12,7 +12,7 @@ import numpy as np
 from symmb import _html as html
 from symmb._options import require_names
 from symmb._units import label, units_of_parameters
-from symmb.bound.bounds import METHODS
+from symmb.bound.methods import METHODS
 from symmb.equations.model import Box
 from symmb.results.files import replacement
 

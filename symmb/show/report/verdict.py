@@ -10,8 +10,10 @@ from symmb._magnitudes import SAME, SLIGHT
 from symmb._table import is_timeless
 from symmb._types import Array, Mask
 from symmb._units import typeset
-from symmb.bound.bounds import SIDES, WARNED, Bounds, Contributions, KeptLimit, LimitCheck, Study, other_side
+from symmb.bound.answers import WARNED, Bounds, Contributions, KeptLimit, LimitCheck, other_side
 from symmb.bound.polynomials.ranges import Piecewise
+from symmb.bound.propagation import Study
+from symmb.bound.responses import SIDES
 from symmb.equations.model import Box
 
 STATES = {False: "violated", None: "undecided", True: "satisfied"}

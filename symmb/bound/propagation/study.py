@@ -1,0 +1,175 @@
+"""The data from which bounds were computed, which are stored with the bounds for further runs."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, cast
+
+import numpy as np
+
+from symmb._errors import DeclarationError, PropagationError
+from symmb._progress import shown_runs
+from symmb._types import Array, Executor
+from symmb.bound.answers import Bounds
+from symmb.bound.methods import PolynomialChaos
+from symmb.bound.nodes import Sobol
+from symmb.bound.reductions import bounded
+from symmb.bound.responses import FailedRuns, gathered, parameter_samples
+from symmb.connect import Simulator, noise_from_runs
+from symmb.equations.model import Box, Scene
+from symmb.run.formulations import CardEnsemble
+from symmb.run.integrate import Solver
+from symmb.run.simulation import DAESimulator, FigureSimulator, SceneSimulator, motion_of, simulator_with
+
+_FAILED = (
+    "{} of {} runs failed: {}. Use a box without failures, or MonteCarlo(n, distributions=...). It omits failed runs."
+)
+_MANY, _LEAST_PARTS = 1000, 4
+"""Smallest number of times at which a run is compared with a limit, and of parts between two output times."""
+
+
+class Extremes:
+    """A function: samples P (N, d) -> lowest and highest values over time (2, N, n) of n outputs, nan in failed runs.
+
+    For scenes, the values between output times count as well. Other simulators have values at output times only.
+    """
+
+    def __init__(self, simulator: Simulator, names: Sequence[str], executor: Executor | None = None) -> None:
+        self._executor, self._columns = executor, [tuple(simulator.outputs).index(name) for name in names]
+        self._simulator, self._peaks = simulator, None
+        if isinstance(simulator, SceneSimulator) and len(simulator.times) > 1:
+            self._peaks = FigureSimulator.of_peaks(simulator, names)
+
+    def __call__(self, P: Array) -> Array:
+        if self._peaks is not None:
+            return _lowest_and_highest(self._peaks, P, self._executor)
+        Y = gathered(self._simulator, P, self._executor)[0][:, :, self._columns]
+        return np.stack([Y.min(axis=1), Y.max(axis=1)])
+
+
+def _lowest_and_highest(peaks: FigureSimulator, P: Array, executor: Executor | None) -> Array:
+    """Lowest and highest values (2, N, n) of samples P (N, d), from the outputs of `FigureSimulator.of_peaks`."""
+    Y, _ = gathered(peaks, P, executor)
+    return np.moveaxis(Y[:, 0].reshape(len(P), -1, 2), 2, 0)
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """The simulator and the box of bounds."""
+
+    simulator: Simulator
+    box: Box
+
+    @property
+    def scene(self) -> Scene:
+        """The scene; None for other simulators."""
+        return self.prepared.scene
+
+    @property
+    def solver(self) -> Solver:
+        """The solver of the scene."""
+        return self.prepared.solver
+
+    @property
+    def prepared(self) -> DAESimulator:
+        """The scene, prepared for runs."""
+        simulator = self.simulator
+        if isinstance(simulator, SceneSimulator) and simulator.scene is not None:
+            is_whole = isinstance(simulator, DAESimulator)
+            return simulator if is_whole else simulator_with(simulator.scene, simulator.solver)
+        raise DeclarationError(f"These bounds have no scene, because they are bounds of {self.simulator!r}.")
+
+    def extremes(self, names: tuple[str, ...], points: Array) -> Array:
+        """Lowest and highest values over time (2, N, n) of curves of a scene at points (N, d); nan for failed runs."""
+        if names not in self._peaks:
+            base = next(iter(self._peaks.values()), self.simulator)  # its equations are compiled already
+            assert isinstance(base, SceneSimulator)
+            self._peaks[names] = FigureSimulator.of_peaks(base, names)
+        return _lowest_and_highest(self._peaks[names], parameter_samples(self.simulator, self.box, points), None)
+
+    @cached_property
+    def _peaks(self) -> dict[tuple[str, ...], FigureSimulator]:
+        return {}
+
+    def at_many_times(self, place: Array) -> tuple[Array, Array]:
+        """Times (n,), and the curves (n, n_c) of the run at a place (d,) of the unit box, in the order of the outputs.
+
+        The intervals between output times are divided into the same number of parts.
+        """
+        motion = motion_of(self.simulator)
+        assert motion is not None
+        parts, n = max(-(-_MANY // (len(motion.times) - 1)), _LEAST_PARTS), len(motion.times)
+        times = np.interp(np.arange(parts * (n - 1) + 1) / parts, np.arange(n), motion.times)
+        return times, motion.program.at(times).runs(parameter_samples(motion, self.box, place[None])).Y[0]
+
+    @cached_property
+    def adaptive(self) -> Bounds:
+        """Bounds over the box by PolynomialChaos()."""
+        with shown_runs(None, "a study with PolynomialChaos()") as progress:
+            return bounded(PolynomialChaos(), self.simulator, self.box, progress=progress)
+
+    @cached_property
+    def nominal(self) -> tuple[Array | None, Array | None]:
+        """Outputs (n_t, n_y) of the nominal run, None if the run fails, and the error of the outputs."""
+        Y, bad = gathered(self.simulator, np.array([[*map(float, self.simulator.parameters.values())]]), None)
+        return (None, None) if bad else (Y[0], noise_from_runs(self.simulator))
+
+    def range(self, box: Box, label: str) -> tuple[Array, Array, Array, int]:
+        """Bounds (n_t, n_y) over another box by PolynomialChaos(), their estimated error, and the number of runs.
+
+        Parameters outside of the box have their nominal values. The progress bar shows `label`.
+        """
+        with shown_runs(None, f"{label}, {', '.join(box.names)}") as progress:
+            bounds = bounded(PolynomialChaos(), self.simulator, box, progress=progress)
+        assert bounds.estimate is not None
+        return bounds.lower, bounds.upper, bounds.estimate, bounds.evaluations
+
+    def sample(self, n: int) -> tuple[Array, Array]:
+        """Points (n, d) spread over the unit box, and the responses (n, n_t, n_y) of these runs, for all answers.
+
+        Points with failed runs are left out. PropagationError is raised if most runs fail.
+        """
+        known, new = self._sampled, Sobol().points(n, len(self.box), seed=1)
+        if len(new) > (before := len(known[0])):
+            Y, bad = self.attempted(new[before:])
+            if len(bad) > len(Y) // 2:
+                raise PropagationError(_FAILED.format(len(bad), len(Y), bad[0][2]))
+            known[:] = new, np.concatenate([known[1], Y])
+        points, Y = known[0][:n], known[1][:n]
+        ok = np.isfinite(Y).all(axis=(1, 2))
+        return points[ok], Y[ok]
+
+    @cached_property
+    def _sampled(self) -> list[Array]:
+        """Points and responses of the runs so far. Responses of failed runs are nan."""
+        shape = len(self.simulator.times), len(self.simulator.outputs)
+        return [np.zeros((0, len(self.box))), np.zeros((0, *shape))]
+
+    @property
+    def has_lanes(self) -> bool:
+        """Whether runs are computed together, so that many runs take little time."""
+        return isinstance(self.simulator, SceneSimulator)
+
+    def attempted(self, points: Array) -> tuple[Array, FailedRuns]:
+        """Responses (N, n_t, n_y) at points (N, d) of the unit box, with nan for failed runs, and the failed runs."""
+        return gathered(self.simulator, parameter_samples(self.simulator, self.box, points), None)
+
+    def values(self, points: Array) -> Array:
+        """Responses (N, n_t, n_y) at points (N, d) of the unit box. No run may fail."""
+        Y, bad = self.attempted(points)
+        if bad:
+            raise PropagationError(_FAILED.format(len(bad), len(points), bad[0][2]))
+        return Y
+
+    @property
+    def on_card(self) -> bool:
+        """Whether runs are made on a graphics card, so that a million runs take little time if they are reduced."""
+        return isinstance(self.simulator, DAESimulator) and self.simulator.program.card is not None
+
+    def reduced(self, points: Array, reduce: Callable[[CardEnsemble], Any]) -> Any:
+        """A reduction of runs on a graphics card at points (N, d) of the unit box. No run may fail."""
+        runs = self.simulator.run(parameter_samples(self.simulator, self.box, points))
+        result = reduce(cast(CardEnsemble, runs))
+        if not runs.ok.all():
+            raise PropagationError(_FAILED.format(len(runs.messages), len(points), runs.messages[0]))
+        return result

@@ -1,0 +1,8 @@
+"""Features of a box that are taken out before a study, and put back into its bounds.
+
+In:   a method, a simulator and a box, perhaps with choices or constraints.
+Out:  Bounds over this box. `bounded` decides: it applies the reductions of `chain.REDUCTIONS`, and then the method.
+"""
+
+from symmb.bound.reductions.chain import bounded
+from symmb.bound.reductions.choices import over_parts

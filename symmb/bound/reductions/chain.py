@@ -1,0 +1,58 @@
+"""Bounds of a simulator over a box: reductions, and then a method."""
+
+from symmb._errors import DeclarationError, PropagationError
+from symmb._names import did_you_mean
+from symmb._options import require_callable
+from symmb._types import Executor
+from symmb._units import units_of_parameters
+from symmb.bound.answers import Bounds
+from symmb.bound.methods import Method, bounds_of
+from symmb.bound.reductions.choices import Choices
+from symmb.bound.reductions.constraints import Constraints
+from symmb.bound.reductions.reduction import Reduced, Reduction
+from symmb.bound.responses import RunsOverBox
+from symmb.connect import Progress, Simulator
+from symmb.equations.model import Box, hint, require_numbers_of_words
+
+REDUCTIONS: tuple[Reduction, ...] = Choices(), Constraints()
+"""The reductions, in the order in which features are taken out of a box."""
+
+
+def bounded(
+    method: Method,
+    simulator: Simulator,
+    box: Box,
+    *,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+) -> Bounds:
+    """Bound all outputs of a simulator at all its times over a box, without check runs; see `propagate`.
+
+    Raises
+    ------
+    DeclarationError
+        If the box names a parameter that the simulator does not have.
+    PropagationError
+        If the simulator lacks what the method needs, too many runs fail, or a method of the user returns no bounds.
+    KeyboardInterrupt
+        If the study is interrupted. ``partial`` then contains the bounds that runs have attained, if there are any.
+    """
+    for name in box.names:
+        if name not in simulator.parameters:
+            known = did_you_mean(name, simulator.parameters)
+            raise DeclarationError(f"Box: no parameter {name!r}.{known}{hint(box.choices, name)}")
+    box = box.with_units(units_of_parameters(simulator.parameters))
+    require_numbers_of_words(box.choices, simulator.parameters)
+    require_callable("progress", progress, "done", "all")
+
+    def found(own: Box) -> Bounds | PropagationError:
+        try:
+            return bounded(method, simulator, own, executor=executor, progress=progress)
+        except PropagationError as error:
+            return error
+
+    for reduction in REDUCTIONS:
+        if reduction.accepts(method, box):
+            boxes = reduction.apply(method, box)
+            return reduction.invert(Reduced(method, simulator, box, executor), [*map(found, boxes)])
+    return bounds_of(method, RunsOverBox(repr(method), simulator, box, executor, progress), method.bounds)
