@@ -17,7 +17,7 @@ from symmb._types import Array, Executor, Expr
 from symmb._units import units_of_parameters
 from symmb.bound.answers import Bounds, Kind
 from symmb.bound.methods import METHODS, Method, method_of, units_of
-from symmb.bound.propagation import checked, doubted
+from symmb.bound.propagation import doubts_of_checks, doubts_of_runs, with_doubts
 from symmb.bound.reductions import bounded, over_parts
 from symmb.bound.responses import parameter_samples
 from symmb.connect import Simulator, StoredSimulator, noise_from_runs
@@ -260,9 +260,9 @@ def _measured(
         )
     except (PropagationError, SimulationError) as error:
         return NotRun(repr(method), str(error).removeprefix(f"{method!r}: "))
-    bounds = over_parts(bounds, partial(doubted, simulator))
-    doubts = over_parts(bounds, lambda own: checked(method, simulator, own, executor)).doubts
-    return _Measured(bounds, seconds, doubts)
+    bounds = over_parts(bounds, lambda own: with_doubts(own, doubts_of_runs(simulator, own)))
+    checked = over_parts(bounds, lambda own: with_doubts(own, doubts_of_checks(method, simulator, own, executor)))
+    return _Measured(bounds, seconds, checked.doubts)
 
 
 def _confronted(

@@ -13,6 +13,7 @@ from symmb._types import Array, Executor, Indices, Mask
 from symmb.bound.adaptive.check_points import SAFETY
 from symmb.bound.adaptive.clock import Clock
 from symmb.bound.adaptive.evidence import Evidence
+from symmb.bound.adaptive.first_grid import FirstGrid
 from symmb.bound.adaptive.many_parameters import range_of_many
 from symmb.bound.adaptive.oscillations import oscillation_ranges
 from symmb.bound.adaptive.runs import UNKNOWN_SHARE, OutgrownError, Runs, relative_errors, relative_rms
@@ -98,10 +99,10 @@ def adaptive_bounds(
 
     def in_units(own: Expansion) -> Expansion:
         own = own.without(np.zeros(d, dtype=bool), is_noise)
-        return replace(own, coefficients=_scaled(own.coefficients, power))
+        return replace(own, coefficients=_scaled(own.coefficients, power)) if power.any() else own
 
     found = found.changed(in_units, np.maximum(_scaled(found.error, power), estimate))
-    found = found.beside_fixed(box.names, box.radius > 0)
+    found = found if box.radius.all() else found.beside_fixed(box.names, box.radius > 0)
     return replace(bounds, surrogate=found, expansion=found.expansions[0] if len(found.expansions) == 1 else None)
 
 
@@ -110,23 +111,30 @@ def _estimated(runs: Runs, tolerance: float, is_patient: bool) -> tuple[Estimate
 
     The result is None if the study must begin again.
 
-    If a tensor grid takes too many runs, the outputs are studied by the method for many parameters. The grid is then
-    refined only for outputs that are still uncertain. Each output gets the better of the two ranges. If waveforms do
-    not reach the tolerance, the other ranges are used only if they are more accurate.
+    Each small study takes the outputs that earlier studies have not decided. If a tensor grid takes too many runs, the
+    outputs are studied by the method for many parameters. The grid is then refined only for outputs that are still
+    uncertain. Each output gets the better of the two ranges. If waveforms do not reach the tolerance, the other ranges
+    are used only if they are more accurate.
     """
     try:
         with one_thread():
+            known = dict[int, EstimatedRange]()
+            if result := FirstGrid().range(runs, tolerance):
+                found, is_good = result
+                if is_good.all():
+                    return found, []
+                known = found.columns(is_good)
             surrogate = TensorGrids(runs, tolerance) if len(runs.box) <= MOST_PARAMETERS else None
             is_resolved = surrogate is not None and surrogate.is_resolved
-            waves = dict[int, EstimatedRange]() if is_resolved else oscillation_ranges(runs, tolerance)
-            known = {k: own for k, own in waves.items() if own.is_enough}
+            waves = dict[int, EstimatedRange]() if is_resolved else oscillation_ranges(runs, tolerance, known)
+            known |= {k: own for k, own in waves.items() if own.is_enough}
             runs.clock.restart()  # other outputs get as much time as without outputs that oscillate
             found = _refined(runs, tolerance, is_patient, surrogate, known)
             errors, widths = relative_errors(found.estimate, runs.rms_widths()), runs.rms_widths()
             for k, own in waves.items():
                 if not own.is_enough and relative_rms(own.estimate, widths[k : k + 1]) < errors[k]:
                     known[k] = own
-            return found.with_known(known), [*known]
+            return found.with_known(known), [k for k in waves if k in known]
     except OutgrownError:
         return None
 

@@ -67,11 +67,6 @@ class Continuation:
         return EXPECTED_NOISE * float(np.square(self.sizes).sum()) or 1.0  # if all sizes are 0, any value is possible
 
 
-def along_axes(d: int, degree: int) -> set[Index]:
-    """The multi-indices of one degree along each of d axes, and of degree 0 along the others."""
-    return {tuple(degree * (i == j) for j in range(d)) for i in range(d)}
-
-
 def extrapolated_sizes(grid: Grid, sizes: Array) -> dict[Index, float]:
     """Expected sizes of the coefficients next to a grid, if they decay like the known coefficients with sizes (N,).
 

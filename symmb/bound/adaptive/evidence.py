@@ -47,9 +47,9 @@ class Evidence:
         return self._where(self.error > error, rule, error)
 
     def _where(self, is_other: Mask, rule: str, error: Array | float) -> "Evidence":
-        return Evidence(
-            np.where(is_other, error, self.error), np.where(is_other, _NUMBERS[rule], self.rule).astype(np.intp)
-        )
+        rules = self.rule.copy()
+        rules[is_other] = _NUMBERS[rule]
+        return Evidence(np.where(is_other, error, self.error), rules)
 
     def plus(self, rule: str, error: Array) -> "Evidence":
         """Errors that are larger by those of another rule, which decides if its errors are the larger part."""
@@ -62,6 +62,10 @@ class Evidence:
     def replaced(self, which: Mask, other: "Evidence") -> "Evidence":
         """The other evidence where a mask (n_t, n_y) or (n_y,) is True."""
         return Evidence(np.where(which, other.error, self.error), np.where(which, other.rule, self.rule))
+
+    def column(self, k: int) -> "Evidence":
+        """The evidence (n_t, 1) of one output."""
+        return Evidence(self.error[:, k : k + 1], self.rule[:, k : k + 1])
 
     def with_column(self, k: int, other: "Evidence") -> "Evidence":
         """The evidence, with that of one output replaced by another (n_t, 1)."""

@@ -5,7 +5,7 @@ periods. The phase and the form of the cycles remain simple functions. A few run
 Sudret, SIAM/ASA Journal on Uncertainty Quantification 5 (2017).
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Container, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import product
 from typing import TYPE_CHECKING
@@ -14,11 +14,10 @@ import numpy as np
 
 from symmb._types import Array, Indices, Mask
 from symmb.bound.adaptive.check_points import PROBES, SAFETY, corner_design, evenly_spread_points
-from symmb.bound.adaptive.continuation import along_axes
 from symmb.bound.adaptive.evidence import Evidence
 from symmb.bound.adaptive.runs import Runs, relative_rms
 from symmb.bound.adaptive.surrogate import EstimatedRange
-from symmb.bound.nodes import Grid
+from symmb.bound.nodes import Grid, along_axes
 from symmb.bound.polynomials import MultiIndices, TotalDegree, basis_values
 from symmb.bound.responses import DOUBTFUL
 
@@ -104,12 +103,12 @@ class Cycles:
         return -ends[0], ends[1], attained
 
 
-def oscillation_ranges(runs: Runs, tolerance: float) -> dict[int, EstimatedRange]:
+def oscillation_ranges(runs: Runs, tolerance: float, known: Container[int]) -> dict[int, EstimatedRange]:
     """The ranges of outputs that oscillate, by their indices, if their phases differ by a cycle or more between runs.
 
     The error is estimated by leaving out one run at a time: each run is predicted from the other runs, and compared
     with its own result. Degrees increase until the errors are within the tolerance, or no longer decrease. Outputs with
-    doubtful errors are left out.
+    doubtful errors, and outputs that are known, are left out.
     """
     t, d, before = np.asarray(runs.simulator.times), len(runs.box), np.inf
     found, oscillates, fits = dict[int, EstimatedRange](), list[int](), dict[int, tuple[float, _Fit]]()
@@ -119,7 +118,7 @@ def oscillation_ranges(runs: Runs, tolerance: float) -> dict[int, EstimatedRange
         grid = Grid(d)
         runs.at(grid.grown(grid.missing(along_axes(d, 2))).nodes)
     if runs.ok.all():
-        oscillates = _oscillating(t, np.concatenate([runs.nodes, runs.checks]))
+        oscillates = [k for k in _oscillating(t, np.concatenate([runs.nodes, runs.checks])) if k not in known]
     if len(oscillates) * len(t) * sum(map(len, _lines(d))) > MOST_VALUES:
         return found
     for degree in range(2, MOST_DEGREE + 1):

@@ -20,7 +20,6 @@ from symmb.bound.adaptive.continuation import (
     SPARSE_RANGE,
     Continuation,
     Corrected,
-    along_axes,
     extrapolated_sizes,
     largest,
 )
@@ -31,7 +30,7 @@ from symmb.bound.adaptive.requests import Checks, Nodes, Noise, Request, Steps
 from symmb.bound.adaptive.response_surface import surface_range
 from symmb.bound.adaptive.runs import NOISE_RUNS, OutputRuns, relative_rms
 from symmb.bound.adaptive.surrogate import EstimatedRange
-from symmb.bound.nodes import Grid, Index, corners
+from symmb.bound.nodes import Grid, Index, along_axes, corners
 from symmb.bound.polynomials.ranges import Piecewise
 from symmb.bound.responses import rms
 

@@ -22,6 +22,8 @@ parameter."""
 JUDGED_DEGREE = 16
 """Smallest degree for a decision on smoothness. For halves, the degree is doubled, because one half is usually rough.
 With a smaller degree, smooth responses are divided. A larger degree takes more runs at kinks."""
+JUMP_SHARE = 0.35
+"""Smallest change between two neighbours on a line of nodes, divided by all changes along the line, that is a jump."""
 _DEGREES_OF_TAIL = 4
 """Number of last degrees that give the error at kinks, where coefficients decrease slowly. Larger numbers are safer."""
 
@@ -32,7 +34,7 @@ Part = tuple[Array, Array, Array]
 def nodes_of(part: Part) -> Array:
     """Nodes (N, d) of a part, in the unit box."""
     centre, half, degrees = part
-    return centre + half * _grid(*degrees.tolist()).nodes
+    return centre + half * tensor_grid(*degrees.tolist()).nodes
 
 
 def _higher(degrees: Indices) -> Indices:
@@ -43,7 +45,8 @@ def _higher(degrees: Indices) -> Indices:
 
 
 @cache
-def _grid(*degrees: int) -> Grid:
+def tensor_grid(*degrees: int) -> Grid:
+    """The grid with all multi-indices up to some degrees."""
     grid = Grid(len(degrees))
     grid.add(grid.missing([degrees]))
     return grid
@@ -76,7 +79,7 @@ class Piece:
     def of(cls, runs: Runs, part: Part, widths: Array, parent: "Piece | None" = None) -> "Piece":
         """Run the new nodes. Failed nodes get the values that make the interpolant smoothest."""
         centre, half, degrees = part
-        grid = _grid(*degrees.tolist())
+        grid = tensor_grid(*degrees.tolist())
         rows = runs.at(centre + half * grid.nodes, parent and parent.values)
         lost = rows[~runs.is_attained[rows]]
         if 0 < len(lost) <= CHEAP_RUNS:  # more failures form a region
@@ -123,6 +126,22 @@ class Piece:
         decay = decay_ratios(self.expansion, self.widths, least)
         rough = np.where(decay > SMOOTH_DECAY, self._direction_errors, 0.0)
         return int(rough.argmax()) if rough.max() >= REFINED_SHARE * largest > 0 else None
+
+    def _jumps_along(self, i: int) -> bool:
+        """Whether the error along a parameter comes from events or jumps.
+
+        At a jump, most of the change along a line of nodes is between two neighbours. The change of an oscillation
+        that is not resolved, and the change at a kink, are spread over more nodes.
+        """
+        if self.event_errors is not None:
+            return True
+        order = np.lexsort(self.nodes.T[::-1])  # grids list nodes by degree; lines need the order of coordinates
+        shape = (*(self.expansion.alpha.max(axis=0) + 1).tolist(), *self.expansion.coefficients.shape[1:])
+        change = np.abs(np.diff(self.Y[order].reshape(shape), axis=i))
+        largest = change.max(axis=i)
+        jumps = np.where(largest >= JUMP_SHARE * change.sum(axis=i), largest, 0.0)
+        size = relative_errors(jumps.max(axis=tuple(range(len(self.half) - 1))), self.widths)
+        return bool(size.max(initial=0.0) >= self._direction_errors[i])
 
     @cached_property
     def jumps(self) -> Mask | None:
@@ -208,7 +227,7 @@ class Piece:
         """
         degrees = self.expansion.alpha.max(axis=0)
         rough = self.rough_direction
-        if rough is None:
+        if rough is None or not self._jumps_along(rough):
             is_large = self._direction_errors >= REFINED_SHARE * self._direction_errors.max()
             higher = np.where(is_large, _higher(degrees), degrees)
             return [(self.centre, self.half, higher)] if (higher > degrees).any() else []

@@ -14,12 +14,12 @@ import numpy as np
 from symmb._magnitudes import SAME
 from symmb._types import Array, Mask
 from symmb.bound.adaptive.check_points import PATIENCE, SAFETY, quasi_random_points, screening_corners
-from symmb.bound.adaptive.continuation import along_axes, extrapolated_sizes, largest
+from symmb.bound.adaptive.continuation import extrapolated_sizes, largest
 from symmb.bound.adaptive.evidence import Evidence
 from symmb.bound.adaptive.requests import Checks, Noise, Steps
 from symmb.bound.adaptive.runs import CHEAP_RUNS, TRUST, OutputRuns
 from symmb.bound.adaptive.surrogate import EstimatedRange
-from symmb.bound.nodes import Grid
+from symmb.bound.nodes import Grid, along_axes
 from symmb.bound.polynomials import Expansion
 from symmb.bound.polynomials.ranges import Piecewise
 from symmb.bound.responses import DOUBTFUL, rms

@@ -70,6 +70,7 @@ class Runs:
     tried, ok : (M, d) all points that were run, and (M,) mask of successful runs
     noise : (n_y,) error of responses, stated by the simulator or measured; 0 before it is measured
     extremes : smallest and largest responses of all runs (n_t, n_y)
+    first : the largest grid of `first_grid`; None before it is run
     steps : the rounds of the study until now
     """
 
@@ -105,12 +106,18 @@ class Runs:
         self.rounding = SAME if self._told is None else LAST_DIGITS
         self.is_attained = np.empty(0, dtype=bool)
         self._row: dict[bytes, int] = {}
+        self.first: Grid | None = None
         self.steps, self._last = list[Step](), dict[str, float]()
         self._made: dict[str, int] = dict.fromkeys(("node", "check run", "noise run"), 0)
 
     def __len__(self) -> int:
         """Number of runs so far, including failed runs."""
         return self.before + len(self.tried)
+
+    @property
+    def has_lanes(self) -> bool:
+        """Whether the simulator runs samples side by side, so that runs cost little."""
+        return isinstance(self.simulator, SceneSimulator)
 
     @property
     def left(self) -> int:
@@ -156,27 +163,40 @@ class Runs:
         if most nodes fail.
         """
         keys = _keys(points)
-        new = [i for i, key in enumerate(keys) if key not in self._row]
-        self._row |= {keys[i]: len(self.is_attained) + k for k, i in enumerate(new)}
-        if new:
-            Y, ok, events = self._made_runs("node", points[new])
-            if predict is None and 2 * ok.sum() < len(ok):
-                raise PropagationError(
-                    f"{len(self.failed)} of the first {len(new)} runs failed, so the study cannot continue.\n"
-                    + failure_text(self.failed)
-                )
-            if not ok.all():
-                # An interpolant needs a value at each node. A smooth continuation of the other values keeps
-                # coefficients small.
-                predict = predict or _quadratic(points[new][ok], Y[ok])
-                Y[~ok] = predict(points[new][~ok])
-            if events is not None:
-                events[~ok] = -1
-                self.events = events if self.events is None else np.concatenate([self.events, events])
-            self._blocks.append(Y)
-            self.places = np.concatenate([self.places, points[new]])
-            self.is_attained = np.concatenate([self.is_attained, ok])
+        if new := [i for i, key in enumerate(keys) if key not in self._row]:
+            self._store(points[new], *self._made_runs("node", points[new]), predict)
         return np.array([self._row[key] for key in keys], dtype=np.intp)
+
+    def begin(self, nodes: Array, points: Array) -> Indices:
+        """Rows of the first nodes (N, d). The nodes and the first check points (C, d) are run together."""
+        n = len(nodes)
+        Y, ok, events = self._run(np.concatenate([nodes, points]))
+        self._made |= {"node": n, "check run": len(points)}
+        self._store(nodes, Y[:n], ok[:n], None if events is None else events[:n], None)
+        self.checks, self.points = Y[n:][ok[n:]], points[ok[n:]]
+        return np.arange(n)
+
+    def _store(
+        self, points: Array, Y: Array, ok: Mask, events: Indices | None, predict: Callable[[Array], Array] | None
+    ) -> None:
+        """Store the runs at new nodes (N, d). Failed nodes get predicted values."""
+        self._row |= {key: len(self.is_attained) + k for k, key in enumerate(_keys(points))}
+        if predict is None and 2 * ok.sum() < len(ok):
+            raise PropagationError(
+                f"{len(self.failed)} of the first {len(self.tried)} runs failed, so the study cannot continue.\n"
+                + failure_text(self.failed)
+            )
+        if not ok.all():
+            # An interpolant needs a value at each node. A smooth continuation of the other values keeps coefficients
+            # small.
+            predict = predict or _quadratic(points[ok], Y[ok])
+            Y[~ok] = predict(points[~ok])
+        if events is not None:
+            events[~ok] = -1
+            self.events = events if self.events is None else np.concatenate([self.events, events])
+        self._blocks.append(Y)
+        self.places = np.concatenate([self.places, points])
+        self.is_attained = np.concatenate([self.is_attained, ok])
 
     def check(self, points: Array) -> tuple[Array, Array]:
         """Run check points (C, d). Return the new points with successful runs, and their responses (C, n_t, n_y)."""

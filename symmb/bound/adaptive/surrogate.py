@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from symmb._types import Array
+from symmb._types import Array, Mask
 from symmb.bound.adaptive.evidence import Evidence
 from symmb.bound.polynomials.ranges import Piecewise
 from symmb.bound.responses import rms
@@ -31,6 +31,25 @@ class EstimatedRange(NamedTuple):
     def estimate(self) -> Array:
         """The estimated error (n_t, n_y)."""
         return self.evidence.error
+
+    def columns(self, which: Mask) -> dict[int, "EstimatedRange"]:
+        """The ranges (n_t, 1) of the outputs of a mask (n_y,), by their indices."""
+        return {k: self._column(k) for k in np.flatnonzero(which).tolist()}
+
+    def _column(self, k: int) -> "EstimatedRange":
+        polynomials, own = self.polynomials, slice(k, k + 1)
+
+        def of_column() -> Piecewise | None:
+            every = polynomials() if polynomials else None
+            return every and every.part(slice(None), own)
+
+        return self._replace(
+            lower=self.lower[:, own],
+            upper=self.upper[:, own],
+            evidence=self.evidence.column(k),
+            polynomials=of_column,
+            places=None if self.places is None else self.places[:, :, own],
+        )
 
     def better(self, other: "EstimatedRange", widths: Array, tolerance: float) -> "EstimatedRange":
         """For each output, the range with the smaller relative error, and its polynomials. `widths` are (n_y,)."""

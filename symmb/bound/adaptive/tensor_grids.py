@@ -27,7 +27,6 @@ from symmb.bound.adaptive.secants import secant_extremes
 from symmb.bound.adaptive.surrogate import EstimatedRange
 from symmb.bound.polynomials.ranges import RANGE_ERROR, Piecewise
 from symmb.bound.responses import DOUBTFUL, average_over_window, is_doubtful, is_doubtful_in_window
-from symmb.run.simulation import SceneSimulator
 
 MANY_VALUES = 1000
 """Number of values of a run above which the output is a field. A mean over fewer values is less reliable."""
@@ -105,9 +104,8 @@ class TensorGrids:
     def __init__(self, runs: Runs, tolerance: float) -> None:
         d = len(runs.box)
         self._runs, self._tolerance, self._counts = runs, tolerance, np.full(runs.shape[1], True)
-        # Runs of scenes cost less than a round that refines the grid. Other simulators start with nine runs.
-        is_fine = (d == 1 or (d == 2 and isinstance(runs.simulator, SceneSimulator))) and 5**d <= runs.left
-        part = (np.zeros(d), np.ones(d), np.full(d, 4 if is_fine else 2))
+        first = 4 if d == 1 and runs.left >= 5 else 2
+        part = (np.zeros(d), np.ones(d), np.full(d, first) if runs.first is None else runs.first.alpha.max(axis=0))
         runs.at(nodes_of(part))  # widths follow from runs
         self._pieces = [Piece.of(runs, part, self._widths)]
         self._chosen, self._parts, self._has_fields = self._pieces[0], list[Part](), False
@@ -141,7 +139,7 @@ class TensorGrids:
         worst, trusted = union.worst(widths), (FIELD_TRUST if is_field else union.trust) * union.expected
         runs.tell(_grids(union), "decay", relative_errors(trusted, widths))
         if measure(trusted, widths) > tolerance and self._chooses(worst):
-            return self._at_kinks(union, union.expected) if len(self._parts) > 1 else None
+            return self._at_kinks(union, union.expected) if self._chosen.rough_direction is not None else None
         return self._confirmed(union, worst, trusted, is_field)
 
     def _confirmed(self, union: _Union, worst: Piece, trusted: Array, is_field: bool) -> EstimatedRange | None:
@@ -253,7 +251,7 @@ class TensorGrids:
         """The grids after the chosen piece was refined or halved, or after the noise was measured."""
         runs, old = self._runs, self._chosen
         # Noise looks rough, so it is measured before a piece is halved.
-        is_worth_it = len(self._parts) > 1 or self._cost() >= 3 * NOISE_RUNS or len(runs) >= CHEAP_RUNS
+        is_worth_it = old.rough_direction is not None or self._cost() >= 3 * NOISE_RUNS or len(runs) >= CHEAP_RUNS
         if not runs.noise_is_known and is_worth_it:
             runs.measure_noise()
             self._pieces = [replace(piece, widths=self._widths) for piece in self._pieces]  # errors change too
@@ -285,10 +283,12 @@ class TensorGrids:
     def is_costly(self) -> bool:
         """Whether the next step takes too many runs, such as halves along three parameters and large grids.
 
-        For two parameters, pieces take some hundred runs. Pieces resolve moving fronts better than searches.
+        For two parameters, this applies to kinks only. Pieces resolve jumps and moving fronts better than searches.
         """
-        d = len(self._runs.box)
-        return d > 2 and (len(self._parts) > 1 or self._cost() > PATIENCE * d)
+        d, is_rough = len(self._runs.box), self._chosen.rough_direction is not None
+        if d < 3:
+            return d == 2 and is_rough and len(self._parts) == 1
+        return is_rough or self._cost() > PATIENCE * d
 
     def _cost(self) -> int:
         """Number of nodes of the next parts that were not run yet."""

@@ -102,6 +102,11 @@ class Grid:
         return tensors
 
 
+def along_axes(d: int, degree: int) -> set[Index]:
+    """The multi-indices of one degree along each of d axes, and of degree 0 along the others."""
+    return {tuple(degree * (i == j) for j in range(d)) for i in range(d)}
+
+
 def _above(index: Index) -> list[Index]:
     return [(*index[:i], k + 1, *index[i + 1 :]) for i, k in enumerate(index)]
 

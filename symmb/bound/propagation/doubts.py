@@ -3,6 +3,7 @@
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -20,9 +21,20 @@ from symmb.connect import Noisy, RecordedRuns, SecondLook, Simulator
 from symmb.equations.model import Box, unused_parameters
 from symmb.run.simulation import DAESimulator, RandomSimulator, SceneSimulator, motion_of
 
+Told = tuple[Sequence[str], Sequence[str]]
+"""Warnings about bounds, and remarks."""
 
-def doubted(simulator: Simulator, bounds: Bounds) -> Bounds:
-    """The bounds of a method, with warnings about its runs in ``run_doubts``."""
+
+def with_doubts(bounds: Bounds, *told: Told, **known: Any) -> Bounds:
+    """The bounds with further warnings, remarks and attributes."""
+    doubts = [doubt for doubts, _ in told for doubt in doubts]
+    remarks = [remark for _, remarks in told for remark in remarks]
+    known |= {"run_doubts": (*bounds.run_doubts, *doubts), "remarks": (*bounds.remarks, *remarks)}
+    return replace(bounds, **known)
+
+
+def doubts_of_runs(simulator: Simulator, bounds: Bounds) -> Told:
+    """Warnings and remarks about the runs of a method."""
     box = bounds.box
     assert box is not None
     doubts = (*far_intervals(simulator, box), *_unused_doubts(simulator, box))
@@ -37,18 +49,17 @@ def doubted(simulator: Simulator, bounds: Bounds) -> Bounds:
         # A proof makes no runs, so errors of the solver do not concern it.
         doubts = (*doubts, *simulator.start.doubts, *_nominal_doubts(simulator))
         doubts = (*doubts, *_linear_theory_doubts(simulator, box, bounds.seconds))
-    return replace(bounds, run_doubts=(*bounds.run_doubts, *doubts), remarks=(*bounds.remarks, *remarks))
+    return doubts, remarks
 
 
-def checked(method: Method, simulator: Simulator, bounds: Bounds, executor: Executor | None = None) -> Bounds:
-    """The bounds with warnings from check runs in ``run_doubts``, if the method does not estimate its error.
+def doubts_of_checks(method: Method, simulator: Simulator, bounds: Bounds, executor: Executor | None = None) -> Told:
+    """Warnings from check runs, if the method does not estimate its error, and a remark with the number of these runs.
 
-    ``evaluations`` does not count the check runs; a remark states their number.
+    ``evaluations`` does not count the check runs.
     """
     doubts, n = check_doubts(simulator, bounds, method.doubtful_miss, executor)
     text = f"{counted(n, 'further run')} checked these bounds. The number of evaluations does not include them."
-    remarks = (*bounds.remarks, text) if n else bounds.remarks
-    return replace(bounds, run_doubts=(*bounds.run_doubts, *doubts), remarks=remarks)
+    return doubts, [text] if n else []
 
 
 def _unused_doubts(simulator: Simulator, box: Box) -> tuple[str, ...]:

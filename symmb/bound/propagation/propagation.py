@@ -11,7 +11,7 @@ from symmb._types import Executor
 from symmb._units import units_of_parameters
 from symmb.bound.answers import Bounds
 from symmb.bound.methods import Method, PolynomialChaos, method_of
-from symmb.bound.propagation.doubts import checked, doubted, far_intervals
+from symmb.bound.propagation.doubts import doubts_of_checks, doubts_of_runs, far_intervals, with_doubts
 from symmb.bound.propagation.study import Study
 from symmb.bound.reductions import bounded, over_parts
 from symmb.connect import Noisy, Progress, RecordedRuns, Simulator
@@ -98,7 +98,6 @@ def finished(method: Method, simulator: Simulator, bounds: Bounds, executor: Exe
 def _finished(method: Method, simulator: Simulator, bounds: Bounds, executor: Executor | None) -> Bounds:
     box = bounds.box
     assert box is not None
-    bounds = checked(method, simulator, doubted(simulator, bounds), executor)
     nominal, own = getattr(simulator, "nominal", None), simulator.parameters
     values = ByName({k: float(v) for k, v in own.items()}, units_of_parameters(own))
     if nominal is None:  # black box: the study may have made this run
@@ -110,4 +109,5 @@ def _finished(method: Method, simulator: Simulator, bounds: Bounds, executor: Ex
     known["solver"] = repr(simulator.solver) if of_scene else ""
     if bounds.noise is None and bounds.estimate is None and isinstance(simulator, Noisy):
         known["noise"] = simulator.noise
-    return replace(bounds, **known)
+    told = doubts_of_runs(simulator, bounds), doubts_of_checks(method, simulator, bounds, executor)
+    return with_doubts(bounds, *told, **known)

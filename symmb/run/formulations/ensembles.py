@@ -161,6 +161,8 @@ class CompiledEnsemble:
     def messages(self) -> tuple[str, ...]:
         """A message for each failed sample, in order."""
         failed = self.failed_samples
+        if self.ok.all():
+            return ()
         reasons = failed.reasons
         at_start = np.flatnonzero(self.t_failed == self.t_start)
         with LOCK:
