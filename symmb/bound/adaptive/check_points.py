@@ -7,15 +7,15 @@ from itertools import count
 
 import numpy as np
 
-from symmb._types import Array, Indices
+from symmb._types import Array
 from symmb.bound.nodes import corners
-from symmb.bound.responses import WINDOW, average_over_window
+from symmb.bound.responses import average_over_window
 
 SAFETY = 2.5
 """Safety factor on measured errors and on the standard deviation of noise, because errors elsewhere may be larger. A
 smaller factor misses more errors. A larger factor takes more runs."""
 FIELD_SAFETY = 1.6
-"""SAFETY for outputs with many functions of time. It is smaller, because check runs show errors at many times. A
+"""SAFETY for outputs with many times. It is smaller, because check runs show errors at many times. A
 smaller factor takes fewer runs and misses more errors."""
 CANDIDATES = 150
 """Number of extremes from which check points are chosen. It is limited because all pairs are compared. Searches on
@@ -23,12 +23,9 @@ surfaces start from the same number of points. Larger numbers take more time and
 WORTHWHILE = 0.3
 """An output adds check points to those of other outputs if its weight exceeds this fraction of the largest weight.
 Smaller fractions take more runs."""
-FEW_SHAPES, SHAPE_SHARE = 3, 1e-2
-"""Number of independent functions of time above which an output is a field, and smallest ratio of a function's size to
-the largest size. Larger values take more check runs."""
-SHAPE_RUNS = round(1 / WINDOW)
-"""Largest number of runs from which independent functions of time are counted. Twice as many times are used, because a
-window has two times."""
+FEW_TIMES = 8
+"""Largest number of times of an output whose runs say little. Such outputs have more check runs, and response surfaces,
+because the extremes of each time require searches."""
 PROBES = 6
 """Number of quasi-random check points. Symmetric responses may be equal at all nodes, because nodes are at the centre,
 the ends and the halves. More points find narrower peaks."""
@@ -143,17 +140,6 @@ def screening_points(d: int) -> Array:
     """
     ends = corners(d) if 2**d <= MOST_CORNERS else screening_corners(d)
     return np.concatenate([ends, quasi_random_points(2 + PROBES, d)[2:]])
-
-
-def count_shapes(Y: Array) -> Indices:
-    """Number of independent functions of time (...) in deviations Y (..., N, m) from the mean response.
-
-    Values at many times may follow a single function. Such values contain no more information than one number. A
-    function is counted if its size is at least the fraction SHAPE_SHARE of the largest size.
-    """
-    # The Gram matrix of N runs has the same nonzero eigenvalues as that of m times, and N is smaller.
-    squares = np.linalg.eigvalsh(Y @ Y.swapaxes(-1, -2))
-    return np.asarray((squares > SHAPE_SHARE**2 * squares[..., -1:]).sum(axis=-1))
 
 
 def inflated_error(squares: Array, safety: float = SAFETY) -> Array:

@@ -6,6 +6,7 @@ import numpy as np
 
 from symmb._types import Array
 from symmb.bound.adaptive.check_points import (
+    FEW_TIMES,
     PATIENCE,
     SAFETY,
     corner_design,
@@ -34,8 +35,6 @@ from symmb.bound.nodes import Grid, Index, along_axes, corners
 from symmb.bound.polynomials.ranges import Piecewise
 from symmb.bound.responses import rms
 
-SURFACE_TIMES = 8
-"""Largest number of times of an output with a response surface, because the extremes of each time require searches."""
 GROWTH = 0.25
 """Fraction by which the grid grows in one round. Smaller fractions take more searches, larger ones more runs."""
 EARLY_CHECK = 5.0
@@ -60,7 +59,7 @@ class OutputStudy:
     def __init__(self, runs: OutputRuns, tolerance: float, is_patient: bool) -> None:
         self.runs, self.tolerance, self.is_patient, self.grid = runs, tolerance, is_patient, Grid(len(runs.box))
         self._errors = dict[int, float]()
-        self._is_brief, self._has_corners, self._is_screened = runs.shape[0] <= SURFACE_TIMES, False, False
+        self._is_brief, self._has_corners, self._is_screened = runs.shape[0] <= FEW_TIMES, False, False
 
     def steps(self) -> Steps:
         """Request runs until the range is known, and return the range."""

@@ -9,7 +9,7 @@ from symmb._errors import PropagationError
 from symmb._magnitudes import LAST_DIGITS, SAME
 from symmb._names import counted
 from symmb._types import Array, Executor, Indices, Mask
-from symmb.bound.adaptive.check_points import FEW_SHAPES, SAFETY, SHAPE_RUNS, count_shapes, quasi_random_points
+from symmb.bound.adaptive.check_points import FEW_TIMES, SAFETY, quasi_random_points
 from symmb.bound.adaptive.clock import Clock
 from symmb.bound.nodes import Grid
 from symmb.bound.polynomials import Expansion, TotalDegree, basis_values
@@ -136,16 +136,6 @@ class Runs:
         if len(self._blocks) > 1:
             self._blocks = [np.concatenate(self._blocks)]
         return self._blocks[0]
-
-    def shapes(self) -> int:
-        """Number of independent functions of time in the responses."""
-        deviations = _some_deviations(self._blocks, self.rms_widths())
-        return int(count_shapes(deviations.reshape(len(deviations), -1)))
-
-    def shapes_of_outputs(self) -> Indices:
-        """Number of independent functions of time in each output that varies."""
-        deviations = _some_deviations(self._blocks, self.rms_widths())
-        return count_shapes(deviations[..., np.isfinite(self.rms_widths())].transpose(2, 0, 1))
 
     def interpolant(self, grid: Grid, rows: Indices) -> Expansion:
         """The polynomial through the responses at the nodes of these rows (N,), in named parameters."""
@@ -427,9 +417,8 @@ class OutputRuns:
         return Y if len(found) == len(points) else None
 
     def may_hide(self) -> bool:
-        """Whether runs contain little information, because responses have few independent functions of time."""
-        Y = _some_deviations([self.nodes], self.rms_widths())
-        return int(count_shapes(Y.reshape(len(Y), -1))) <= FEW_SHAPES or rests_for_a_time(*self.extremes, self.noise)
+        """Whether a run says little: the output has few times, or is the same in all runs for a time."""
+        return self.shape[0] <= FEW_TIMES or rests_for_a_time(*self.extremes, self.noise)
 
     def tell(self, study: str, rule: str, error: float) -> None:
         """Report the relative error as progress, and as a step of the trace."""
@@ -441,23 +430,9 @@ def relative_rms(error: Array, widths: Array) -> float:
     return float(np.max(relative_errors(error, widths), initial=0.0))
 
 
-def typical_error(error: Array, widths: Array) -> float:
-    """The mean of the `relative_errors` of the outputs that vary."""
-    errors = relative_errors(error, widths)[np.isfinite(widths)]
-    return float(np.mean(errors)) if errors.size else 0.0
-
-
 def relative_errors(error: Array, widths: Array) -> Array:
     """Root mean square over time of errors (..., n_t, n_y), divided by the rms width (n_y,) of each output."""
     return np.asarray(np.sqrt(np.square(error).mean(axis=-2)) / widths)
-
-
-def _some_deviations(blocks: list[Array], widths: Array) -> Array:
-    """Deviations (n, n_s, n_y) of the first n <= SHAPE_RUNS runs from their mean at some times, over the widths
-    (n_y,)."""
-    some = slice(None, None, max(1, blocks[0].shape[1] // (2 * SHAPE_RUNS)))
-    Y = np.concatenate([Y[:SHAPE_RUNS, some] for Y in blocks])[:SHAPE_RUNS]
-    return (Y - Y.mean(axis=0)) / widths
 
 
 def _quadratic(points: Array, Y: Array) -> Callable[[Array], Array]:

@@ -10,8 +10,6 @@ from symmb._magnitudes import SAME
 from symmb._types import Array, Indices, Mask
 from symmb.bound.adaptive.bisection import bisected_range
 from symmb.bound.adaptive.check_points import (
-    FEW_SHAPES,
-    FIELD_SAFETY,
     PATIENCE,
     PROBES,
     SAFETY,
@@ -22,16 +20,12 @@ from symmb.bound.adaptive.check_points import (
 )
 from symmb.bound.adaptive.evidence import Evidence
 from symmb.bound.adaptive.piece import JUDGED_DEGREE, Part, Piece, nodes_of
-from symmb.bound.adaptive.runs import CHEAP_RUNS, NOISE_RUNS, TRUST, Runs, relative_errors, relative_rms, typical_error
+from symmb.bound.adaptive.runs import CHEAP_RUNS, NOISE_RUNS, TRUST, Runs, relative_errors, relative_rms
 from symmb.bound.adaptive.secants import secant_extremes
 from symmb.bound.adaptive.surrogate import EstimatedRange
 from symmb.bound.polynomials.ranges import RANGE_ERROR, Piecewise
-from symmb.bound.responses import DOUBTFUL, average_over_window, is_doubtful, is_doubtful_in_window
+from symmb.bound.responses import DOUBTFUL, is_doubtful, is_doubtful_in_window
 
-MANY_VALUES = 1000
-"""Number of values of a run above which the output is a field. A mean over fewer values is less reliable."""
-FIELD_TRUST = 0.18
-"""TRUST of fields. It is smaller, because check runs show errors at many times. Smaller values miss more errors."""
 NARROW, MOST_AT_KINKS = 0.01, 8
 """Distance of runs at kinks, divided by that of other check runs. Largest number of runs at kinks in a round."""
 
@@ -108,7 +102,7 @@ class TensorGrids:
         part = (np.zeros(d), np.ones(d), np.full(d, first) if runs.first is None else runs.first.alpha.max(axis=0))
         runs.at(nodes_of(part))  # widths follow from runs
         self._pieces = [Piece.of(runs, part, self._widths)]
-        self._chosen, self._parts, self._has_fields = self._pieces[0], list[Part](), False
+        self._chosen, self._parts = self._pieces[0], list[Part]()
         self._share_of_secants = np.zeros(runs.shape[1])
         self._secants = 0, (np.empty(0), np.empty(0))
 
@@ -127,41 +121,31 @@ class TensorGrids:
         The remaining error must then be small enough. Uncertain bounds are refined further as long as this takes few
         runs.
         """
-        runs, tolerance, first = self._runs, self._tolerance, self._pieces[0]
-        widths, is_field = self._widths, self._is_field()
-        measure = typical_error if is_field else relative_rms
+        runs, tolerance, first, widths = self._runs, self._tolerance, self._pieces[0], self._widths
         if len(self._pieces) == 1 and first.jumps is None:  # if errors are large everywhere, no range is needed
-            least = (FIELD_TRUST if is_field else TRUST) * first.truncation.least
-            if measure(least, widths) > tolerance and self._chooses(first):
+            least = TRUST * first.truncation.least
+            if relative_rms(least, widths) > tolerance and self._chooses(first):
                 runs.tell("tensor grid", "decay", relative_errors(least, widths))
                 return None
         union = _Union.of(self._pieces)
-        worst, trusted = union.worst(widths), (FIELD_TRUST if is_field else union.trust) * union.expected
+        worst, trusted = union.worst(widths), union.trust * union.expected
         runs.tell(_grids(union), "decay", relative_errors(trusted, widths))
-        if measure(trusted, widths) > tolerance and self._chooses(worst):
+        if relative_rms(trusted, widths) > tolerance and self._chooses(worst):
             return self._at_kinks(union, union.expected) if self._chosen.rough_direction is not None else None
-        return self._confirmed(union, worst, trusted, is_field)
+        return self._confirmed(union, worst, trusted)
 
-    def _confirmed(self, union: _Union, worst: Piece, trusted: Array, is_field: bool) -> EstimatedRange | None:
+    def _confirmed(self, union: _Union, worst: Piece, trusted: Array) -> EstimatedRange | None:
         """The range after check runs, unless these runs show that the worst piece must be refined.
 
-        The remaining error is at least `trusted` (n_t, n_y). For fields, it is at least a fraction of the measured
-        error.
+        The remaining error is at least `trusted` (n_t, n_y).
         """
-        runs, tolerance, expected = self._runs, self._tolerance, union.expected
-        inflated, ratio, worst = self._check(union, worst, FIELD_SAFETY if is_field else SAFETY)
-        beyond, widths = runs.beyond(union.lower, union.upper), self._widths
-        if is_field:
-            left = np.maximum(np.maximum(ratio, FIELD_TRUST) * expected, beyond)
-            error = typical_error(left, widths)
-            width = np.sqrt(average_over_window(np.square(union.upper - union.lower)))
-            unseen = np.minimum(expected, DOUBTFUL / 2 * width)
-            evidence = Evidence.of("check runs", np.maximum(inflated, FIELD_SAFETY * left)).at_least("unseen", unseen)
-        else:
-            evidence = Evidence.of("check runs", inflated).at_least("decay", trusted).at_least("beyond", beyond)
-            if len(runs.box) == 1:
-                evidence = evidence.at_least("kinks", self._share_of_secants * self._unseen(union)[1].max(axis=0))
-            error = relative_rms(evidence.error, widths)
+        runs, tolerance, widths = self._runs, self._tolerance, self._widths
+        inflated, worst = self._check(union, worst)
+        beyond = runs.beyond(union.lower, union.upper)
+        evidence = Evidence.of("check runs", inflated).at_least("decay", trusted).at_least("beyond", beyond)
+        if len(runs.box) == 1:
+            evidence = evidence.at_least("kinks", self._share_of_secants * self._unseen(union)[1].max(axis=0))
+        error = relative_rms(evidence.error, widths)
         estimate = evidence.error
         errors = relative_errors(estimate, widths)
         runs.tell("check runs", evidence.decisive(int(np.argmax(errors))), errors)
@@ -294,28 +278,16 @@ class TensorGrids:
         """Number of nodes of the next parts that were not run yet."""
         return self._runs.unknown(np.concatenate([nodes_of(part) for part in self._parts]))
 
-    def _is_field(self) -> bool:
-        """Whether all outputs with many values have many functions of time, so that check runs measure errors well."""
-        if math.prod(self._runs.shape) < MANY_VALUES:
-            return False
-        if len(self._pieces) > 1 or self._pieces[0].jumps is not None:
-            return False
-        if not self._has_fields:
-            shapes = self._runs.shapes_of_outputs()
-            self._has_fields = bool(shapes.size and (shapes > FEW_SHAPES).all())
-        return self._has_fields
-
-    def _check(self, union: _Union, worst: Piece, safety: float) -> tuple[Array, Array, Piece]:
+    def _check(self, union: _Union, worst: Piece) -> tuple[Array, Piece]:
         """Make check runs at some of the extremes, and at quasi-random points.
 
         Let the estimate of a piece be E(x) at a run with the error e. At a place with the estimate E, the error is then
-        taken as e E / E(x). The method returns the error (n_t, n_y) from check runs, and the ratio (n_y,) of the rms
-        errors and estimates at these runs. The third value is the piece with the largest error; without check runs, the
-        worst piece.
+        taken as e E / E(x). The method returns the error (n_t, n_y) from check runs, and the piece with the largest
+        error; without check runs, the worst piece.
         """
         runs, widths = self._runs, self._widths
         n_known, d = len(runs.points), len(runs.box)
-        probes = self._probes(PROBES if runs.shapes() <= FEW_SHAPES else 1)
+        probes = self._probes(PROBES)
         runs.check(probes)
         for _ in range(2 if d == 1 else 1):
             places, weights = union.places, union.checkable_error
@@ -329,7 +301,6 @@ class TensorGrids:
             else:
                 runs.check(chosen)
         squares, largest = np.zeros(runs.shape), -1.0
-        seen, foreseen = np.zeros((2, runs.shape[1]))
         rows = np.arange(len(runs.points))
         if len(union.pieces) > 1:  # near a jump, earlier check runs do not measure errors of the new pieces
             rows = rows[(rows < len(probes)) | (rows >= n_known)]
@@ -343,11 +314,9 @@ class TensorGrids:
                 expected = piece.expected_error(point[None, None])
                 ratio = np.divide(largest_expected, expected, out=np.ones_like(expected), where=expected > 0)
                 squares = np.maximum(squares, error * np.square(ratio))
-                seen, foreseen = seen + error.sum(axis=0), foreseen + np.square(expected).sum(axis=0)
                 if len(union.pieces) > 1 and (observed := relative_rms(np.sqrt(error), widths)) > largest:
                     largest, worst = observed, piece
-        ratio = np.sqrt(np.divide(seen, foreseen, out=np.ones_like(seen), where=foreseen > 0))
-        return inflated_error(squares, safety), ratio, worst
+        return inflated_error(squares), worst
 
 
 def _grids(union: _Union) -> str:
