@@ -13,7 +13,8 @@ from _engineering import cases, monotone_series
 from black_boxes import black_box_bounds, quietly, unit_bounds
 
 import symmb as mb
-from symmb.bound.adaptive.output_study import OutputStudy
+from symmb.bound.adaptive.output_problem import OutputProblem
+from symmb.bound.adaptive.sparse_grid import SparseGrid
 
 T = np.linspace(0.0, 5.0, 11)
 
@@ -221,9 +222,9 @@ def test_few_directions_of_many_parameters(number):
 @pytest.mark.parametrize(("before", "is_stalled"), [(0.1 * (1 + 1e-9), True), (0.1 * (1 + 1e-3), True), (1.0, False)])
 def test_an_error_that_hardly_decreases_is_stalled(before, is_stalled):
     """The number of nodes that the tolerance would take is beyond the largest number."""
-    study = OutputStudy(SimpleNamespace(box=range(7), shape=(20, 1), left=1000), 1e-2, False)
-    study.grid, study._error, study._errors = SimpleNamespace(row=range(100)), np.float64(0.1), {50: before}
-    assert study._is_stalled() == is_stalled
+    output = OutputProblem(SimpleNamespace(box=range(7), shape=(20, 1), left=1000), 1e-2, False)
+    output.grid, output.error, output.errors = SimpleNamespace(row=range(100)), np.float64(0.1), {50: before}
+    assert SparseGrid()._is_stalled(output) == is_stalled
 
 
 # Many outputs: each is bounded among others as well as alone

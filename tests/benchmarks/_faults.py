@@ -130,7 +130,7 @@ FAULTS = (
         "symmb/declare/symbolic/jets.py",
         "ca.jtimes(coefficients[-1], at, towards) / j)",
         "ca.jtimes(coefficients[-1], at, towards) / min(j, 2))",
-        "simulation bounds",
+        "simulation adaptive answers methods",
     ),
     Fault(
         "weight",
@@ -157,7 +157,7 @@ FAULTS = (
         "symmb/bound/methods/taylor.py",
         "lower = lower + (np.minimum(c[even], 0.0).sum(axis=0) - swing)",
         "lower = lower - swing",
-        "bounds",
+        "adaptive answers methods",
     ),
     Fault(
         "quantile",
@@ -166,7 +166,7 @@ FAULTS = (
         "symmb/bound/answers/probabilities.py",
         "place = q * (values.shape[-1] - 1)",
         "place = q * (values.shape[-1] - 2)",
-        "bounds",
+        "adaptive answers methods",
     ),
     Fault(
         "rounding",
@@ -274,7 +274,7 @@ FAULTS = (
         "symmb/_errors.py",
         "SymmbWarning, stacklevel=3)",
         "SymmbWarning, stacklevel=2)",
-        "simulation bounds model",
+        "simulation adaptive answers methods model",
     ),
     Fault(
         "suffix",
@@ -292,7 +292,7 @@ FAULTS = (
         "symmb/results/plot/contributions.py",
         "axes.bar(at + 0.2, saved[row, k]",
         "axes.bar(at - 0.2, saved[row, k]",
-        "plot bounds",
+        "plot adaptive answers methods",
     ),
     Fault(
         "shades",
@@ -310,7 +310,7 @@ FAULTS = (
         "symmb/declare/symbolic/jets.py",
         "for c in curve for i in range(j)])",
         "for i in range(j) for c in curve])",
-        "symbolic bounds simulation",
+        "symbolic adaptive answers methods simulation",
     ),
     Fault(
         "shortened",
@@ -463,7 +463,7 @@ FAULTS = (
         "symmb/bound/polynomials/expansion.py",
         "np.ldexp(variance, 2 * power)",
         "np.ldexp(variance, power)",
-        "polynomials bounds",
+        "polynomials adaptive answers methods",
     ),
     Fault(
         "nodes",
@@ -472,7 +472,7 @@ FAULTS = (
         "symmb/bound/nodes/fit.py",
         "if not fit._possible():",
         "if len(fit.nodes) < len(fit.alpha):",
-        "nodes bounds",
+        "nodes adaptive answers methods",
     ),
     Fault(
         "search",
@@ -481,7 +481,7 @@ FAULTS = (
         "symmb/bound/searches/direct_search.py",
         "error = 2.0 * float(fx[0] - late)",
         "error = 2.0 * float(fx[-1] - late)",
-        "bounds",
+        "adaptive answers methods",
     ),
     Fault(
         "attained",

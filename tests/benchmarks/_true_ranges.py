@@ -4,7 +4,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from symmb._types import Array
-from symmb.bound.methods.method import parameter_samples
+from symmb.bound.responses import parameter_samples
 from symmb.connect import Simulator
 from symmb.equations.model import Box
 

@@ -19,7 +19,7 @@ from everyday_machines import MACHINES, kept_truth
 from scipy.optimize import brentq
 
 import symmb as mb
-from symmb.bound.methods.method import parameter_samples
+from symmb.bound.responses import parameter_samples
 from symmb.run.simulation import simulator_of
 
 ALLOWED = 1.02

@@ -1,27 +1,30 @@
 """Polynomial chaos that chooses its runs and estimates its own error: the default `PolynomialChaos()`.
 
-adaptive_bounds    entry point: chooses the kind of grid, and makes Bounds from the estimated range
+In:   a simulator, a box, a tolerance and a budget.
+Out:  Bounds with estimated errors, and the trace of the study.
+
+The study is a row of small studies (`studies`). Each takes the outputs that are not decided, and its numbers are fields
+of a frozen dataclass. `studies.decided` decides: an output has the range of the first small study whose error is within
+the tolerance, otherwise the range with the smallest error.
+
+first_grid         scenes: one grid for all outputs, and runs spread over the box
+oscillations       polynomials of phase and waveform of oscillations over many periods
+tensor_grids       up to three parameters: refined grids on pieces (`piece`), kinks (`secants`), events (`bisection`)
+many_parameters    a row for each output: `sparse_grid`, corners (`monotone`), `response_surface`, `near_extremes`
+
+small_study        the base of small studies, and what they share; `output_problem` for a single output
 runs               all runs of a study, and measures of errors; `clock` ends a study that takes too long
+requests           runs that studies of outputs ask for; each round makes the runs of all requests
+check_points       points of check runs; `inflated_error` widens an estimate by the errors of these runs
 error_estimate     the truncation error of an interpolant, and its error at events: the first estimate
-check_points       points of check runs; `inflated_error` widens the estimate by the errors of these runs
-oscillations       ranges of oscillations over many periods, from polynomials of phase and waveform
+check_rounds       rounds of runs near extremes; the gains of these runs give the error. `continuation` corrects grids
 
-Up to three parameters:
-tensor_grids       refines grids, checks their ranges (`_check`) and ends when the error is small enough (`_confirmed`)
-piece              a part of the box with an interpolant of degrees up to HIGHEST_DEGREE; `secants` finds its kinks
-
-More parameters:
-many_parameters    one study for each output; each round makes the runs of all `requests`
-output_study       sparse grids, corners and rounds for one output
-monotone           bounds at corners
-check_rounds       rounds of runs near extremes; the gains of these runs give the error
-continuation, response_surface   surrogates in addition to sparse grids
-
-`error_estimate` sets the estimated error of an output at a time. Check runs increase this error in `tensor_grids`, or,
-for more parameters, in `check_rounds`, `output_study`, `monotone` and `response_surface`. `adaptive_bounds` increases
-the error again: to the distance of runs beyond the range, to the noise, and near failed runs. `evidence` keeps the
-error with the name of the rule that decides it; `bounds.trace` lists the rules. `bounds.method` then limits all bounds
-to the values that an output can have.
+`error_estimate` sets the estimated error of an output at a time. Check runs increase this error. `adaptive_bounds`
+increases it again: to the distance of runs beyond the range, to the noise, and near failed runs. `evidence` keeps the
+error with the name of the rule that decides it; `bounds.trace` lists the rules. `bounds_of` then limits all bounds to
+the values that an output can have.
 """
 
 from symmb.bound.adaptive.adaptive_bounds import adaptive_bounds
+from symmb.bound.adaptive.small_study import Studies
+from symmb.bound.adaptive.studies import STUDIES

@@ -8,17 +8,14 @@ from symmb._doubt import Doubt
 from symmb._errors import PropagationError
 from symmb._magnitudes import LAST_DIGITS, SAME, SLIGHT
 from symmb._table import apart
-from symmb._threads import one_thread
 from symmb._types import Array, Executor, Indices, Mask
 from symmb.bound.adaptive.check_points import SAFETY
 from symmb.bound.adaptive.clock import Clock
 from symmb.bound.adaptive.evidence import Evidence
-from symmb.bound.adaptive.first_grid import FirstGrid
-from symmb.bound.adaptive.many_parameters import range_of_many
-from symmb.bound.adaptive.oscillations import oscillation_ranges
-from symmb.bound.adaptive.runs import UNKNOWN_SHARE, OutgrownError, Runs, relative_errors, relative_rms
+from symmb.bound.adaptive.runs import UNKNOWN_SHARE, OutgrownError, Runs, relative_errors
+from symmb.bound.adaptive.small_study import Problem
+from symmb.bound.adaptive.studies import decided
 from symmb.bound.adaptive.surrogate import EstimatedRange
-from symmb.bound.adaptive.tensor_grids import TensorGrids
 from symmb.bound.answers import Bounds
 from symmb.bound.polynomials import Expansion
 from symmb.bound.polynomials.ranges import MOST_PARAMETERS
@@ -59,16 +56,19 @@ def adaptive_bounds(
         takes = "and the probes take" if probes else "takes"
         raise PropagationError(f"{text}: the first level {takes} {first} runs, more than the budget of {most}.")
     runs = Runs(simulator, box, most, executor, progress, Clock(seconds), probes)
-    while (result := _estimated(runs, tolerance, is_patient=budget is not None)) is None:
-        runs = runs.anew()
+    while True:
+        try:
+            estimated = decided(problem := Problem(runs, tolerance, is_patient=budget is not None))
+            break
+        except OutgrownError:
+            runs = runs.anew()
         if first > runs.left:
             raise PropagationError(
                 f"{text}: later runs give values 1e90 times as large, and too few runs are left to start "
                 "again. Use the logarithm of the output as the output, or a larger budget."
             )
-    estimated, known = result
     is_noise, power = np.isinf(runs.rms_widths()), runs.power
-    lower, upper, evidence = _attained_or_estimated(runs, estimated, is_noise, known)
+    lower, upper, evidence = _attained_or_estimated(runs, estimated, is_noise, problem.waves)
     estimate = evidence.error
     errors = relative_errors(estimate, runs.rms_widths())
     runs.tell("all", evidence.decisive(int(np.argmax(errors))), errors)
@@ -106,68 +106,13 @@ def adaptive_bounds(
     return replace(bounds, surrogate=found, expansion=found.expansions[0] if len(found.expansions) == 1 else None)
 
 
-def _estimated(runs: Runs, tolerance: float, is_patient: bool) -> tuple[EstimatedRange, list[int]] | None:
-    """The range of a surrogate that is refined until it is accurate enough, and the indices of outputs with waveforms.
-
-    The result is None if the study must begin again.
-
-    Each small study takes the outputs that earlier studies have not decided. If a tensor grid takes too many runs, the
-    outputs are studied by the method for many parameters. The grid is then refined only for outputs that are still
-    uncertain. Each output gets the better of the two ranges. If waveforms do not reach the tolerance, the other ranges
-    are used only if they are more accurate.
-    """
-    try:
-        with one_thread():
-            known = dict[int, EstimatedRange]()
-            if result := FirstGrid().range(runs, tolerance):
-                found, is_good = result
-                if is_good.all():
-                    return found, []
-                known = found.columns(is_good)
-            surrogate = TensorGrids(runs, tolerance) if len(runs.box) <= MOST_PARAMETERS else None
-            is_resolved = surrogate is not None and surrogate.is_resolved
-            waves = dict[int, EstimatedRange]() if is_resolved else oscillation_ranges(runs, tolerance, known)
-            known |= {k: own for k, own in waves.items() if own.is_enough}
-            runs.clock.restart()  # other outputs get as much time as without outputs that oscillate
-            found = _refined(runs, tolerance, is_patient, surrogate, known)
-            errors, widths = relative_errors(found.estimate, runs.rms_widths()), runs.rms_widths()
-            for k, own in waves.items():
-                if not own.is_enough and relative_rms(own.estimate, widths[k : k + 1]) < errors[k]:
-                    known[k] = own
-            return found.with_known(known), [k for k in waves if k in known]
-    except OutgrownError:
-        return None
-
-
-def _refined(
-    runs: Runs, tolerance: float, is_patient: bool, surrogate: TensorGrids | None, known: dict[int, EstimatedRange]
-) -> EstimatedRange:
-    """The range of a surrogate that is refined. The ranges of some outputs are known."""
-    other: EstimatedRange | None = None
-    if surrogate is None or len(known) == runs.shape[1]:
-        return range_of_many(runs, tolerance, is_patient, known)
-    if known:
-        surrogate.count_only(np.array([k not in known for k in range(runs.shape[1])]))
-    while (found := surrogate.bounded()) is None:
-        if other is None and surrogate.is_costly:
-            other = range_of_many(runs, tolerance, False, known)
-            is_open = relative_errors(other.estimate, runs.rms_widths()) > DOUBTFUL
-            if not is_open.any():
-                return other
-            surrogate.count_only(is_open)
-        else:
-            surrogate = surrogate.refined()
-    found = found.with_known(known)
-    return other.better(found, runs.rms_widths(), tolerance) if other else found
-
-
 def _attained_or_estimated(
-    runs: Runs, estimated: EstimatedRange, is_noise: Mask, known: list[int]
+    runs: Runs, estimated: EstimatedRange, is_noise: Mask, waves: list[int]
 ) -> tuple[Array, Array, Evidence]:
     """Bounds (n_t, n_y), and the evidence of their errors.
 
     If the error exceeds the width of the extremes of runs, the bounds are these extremes. This does not apply to
-    outputs with waveforms (numbers `known`), because all runs may be at the same phase.
+    outputs with `waves`, because all runs may be at the same phase.
     """
     lowest, highest = runs.extremes
     evidence = estimated.evidence.at_least("beyond", runs.beyond(estimated.lower, estimated.upper))
@@ -183,7 +128,7 @@ def _attained_or_estimated(
     evidence = evidence.attributed((evidence.error <= SAFETY * runs.noise) & runs.noise_is_known, "noise")
     evidence = evidence.attributed(highest == lowest, "exact")
     unresolved = is_noise | (evidence.error > highest - lowest)
-    unresolved[:, known] = is_noise[known]
+    unresolved[:, waves] = is_noise[waves]
     lower = np.where(unresolved | below, lowest, np.minimum(estimated.lower, lowest))
     upper = np.where(unresolved | above, highest, np.maximum(estimated.upper, highest))
     return lower, upper, evidence

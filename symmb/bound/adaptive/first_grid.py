@@ -7,16 +7,11 @@ from math import comb
 import numpy as np
 
 from symmb._types import Mask
-from symmb.bound.adaptive.check_points import (
-    SAFETY,
-    evenly_spread_points,
-    inflated_error,
-    quasi_random_points,
-    select_dispersed,
-)
+from symmb.bound.adaptive.check_points import SAFETY, evenly_spread_points, inflated_error, quasi_random_points
 from symmb.bound.adaptive.error_estimate import TruncationError
 from symmb.bound.adaptive.evidence import Evidence
 from symmb.bound.adaptive.runs import TRUST, Runs, relative_errors
+from symmb.bound.adaptive.small_study import JointStudy, Problem
 from symmb.bound.adaptive.surrogate import EstimatedRange
 from symmb.bound.nodes import Grid
 from symmb.bound.polynomials import Expansion, TensorDegree, TotalDegree, basis_values
@@ -25,24 +20,30 @@ from symmb.bound.responses import is_doubtful, is_doubtful_in_window
 
 
 @dataclass(frozen=True)
-class FirstGrid:
+class FirstGrid(JointStudy):
     """One grid for all outputs. A decision takes as long as some runs of a scene, so more runs save time.
 
-    Up to three parameters have a tensor grid, and a second one if the first is not good enough. More parameters have a
+    Up to three parameters have a tensor grid, and larger ones if it is not good enough. More parameters have a
     grid of a total degree.
 
     Attributes
     ----------
-    degrees : degrees along one, two and three parameters, of the first grid and of the second
+    degrees : degrees along one, two and three parameters, in the order of the grids
     most_nodes : largest number of nodes for more parameters
     checks : number of further runs, evenly spread over the box
     """
 
-    degrees: tuple[tuple[int, int], ...] = ((16, 32), (6, 12), (4, 6))
+    degrees: tuple[tuple[int, ...], ...] = ((16, 32), (6, 8, 12), (4, 6))
     most_nodes: int = 90
     checks: int = 12
 
+    name = "first grid"
     when = "runs of a scene cost less than decisions, and have no events"
+
+    def accepts(self, problem: Problem) -> bool:
+        runs = problem.runs
+        n = max((len(grid.alpha) for grid in self.grids(len(runs.box))[:1]), default=runs.most)
+        return runs.has_lanes and n + self.checks + runs.probes + 2 * len(runs.box) <= runs.most
 
     def grids(self, d: int) -> list[Grid]:
         """The grids in the order of their size; empty for too many parameters."""
@@ -51,27 +52,25 @@ class FirstGrid:
         degree = max(k for k in range(1, 5) if k == 1 or comb(d + k, d) <= self.most_nodes)
         return [_grid(d, degree)] if degree > 1 else []
 
-    def range(self, runs: Runs, tolerance: float) -> tuple[EstimatedRange, Mask] | None:
-        """The range of the interpolant, and a mask (n_y,) of the outputs with errors within the tolerance.
-
-        The result is None if runs are not computed side by side, fail or have events, or if no error is small enough.
-        """
+    def ranges(self, problem: Problem) -> tuple[dict[int, EstimatedRange], Mask]:
+        runs, tolerance, nothing = problem.runs, problem.tolerance, ({}, np.zeros(problem.runs.shape[1], dtype=bool))
         d = len(runs.box)
         points = evenly_spread_points(self.checks + runs.probes, d)
         if d > MOST_PARAMETERS:  # most of the box is near corners, where sparse grids have their largest errors
             points[1 : self.checks : 2] = quasi_random_points(self.checks // 2, d)
-        for grid in self.grids(d) if runs.has_lanes else []:
+        for grid in self.grids(d):
             if len(grid.alpha) + len(points) + 2 * d > runs.most:
-                return None
+                break
             rows = runs.at(grid.nodes) if len(runs) else runs.begin(grid.nodes, points)
             if runs.events is not None or not runs.ok.all():
-                return None
+                break
             runs.first = grid
             expansion = runs.interpolant(grid, rows)
             found = _Confirmed(runs, expansion, tolerance)
             if found.is_good.all() or (grid is self.grids(d)[-1] and found.is_good.any()):
-                return found.range()
-        return None
+                every, is_good = found.range()
+                return every.columns(is_good), is_good
+        return nothing
 
 
 class _Confirmed:
@@ -103,14 +102,17 @@ class _Confirmed:
         self.is_good: Mask = (errors + RANGE_ERROR <= self._tolerance) & ~np.any(doubtful, axis=(0, 1))
 
     def range(self) -> tuple[EstimatedRange, Mask]:
-        """The range, and the mask of good outputs. Runs at extremes confirm a grid that is no tensor grid."""
+        """The range, and the mask of good outputs.
+
+        Grids that are no tensor grids have no runs at corners. Kinks may change a response at one corner only.
+        """
         runs, own, d = self._runs, self._expansion, len(self._runs.box)
         lower, upper, *at = attained_extremes(own.alpha, own.coefficients.reshape(len(own.alpha), -1))
         lower, upper = lower.reshape(runs.shape), upper.reshape(runs.shape)
         places = np.stack(at).reshape(2, *runs.shape, d)
         if d > MOST_PARAMETERS:
-            weights = np.where(self.is_good, (upper - lower) / runs.rms_widths(), 0.0)
-            runs.check(select_dispersed(places, np.stack([weights, weights]), 2 * d))
+            corners = np.where(places[:, :, self.is_good] < 0, -1.0, 1.0).reshape(-1, d)
+            runs.check(np.unique(corners, axis=0)[: runs.left])
             self._look()
         name = "an interpolant on a tensor grid" if d <= MOST_PARAMETERS else "an interpolant on a sparse grid"
         evidence = self.evidence.plus("range", RANGE_ERROR * (upper - lower))

@@ -1,63 +1,88 @@
-"""Bounds over many parameters. Each output has a separate study, and all studies use the same runs."""
+"""Studies of single outputs, which advance together. All studies use the same runs."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from symmb._types import Array
+from symmb._types import Array, Mask
 from symmb.bound.adaptive.check_points import select_dispersed
-from symmb.bound.adaptive.evidence import Evidence
-from symmb.bound.adaptive.output_study import OutputStudy
-from symmb.bound.adaptive.requests import Checks, Nodes, Noise, Places, Request
+from symmb.bound.adaptive.output_problem import OutputProblem
+from symmb.bound.adaptive.requests import Checks, Nodes, Noise, Places, Request, Steps
 from symmb.bound.adaptive.runs import OutputRuns, Runs
+from symmb.bound.adaptive.small_study import JointStudy, OutputStudy, Problem
 from symmb.bound.adaptive.surrogate import EstimatedRange
-from symmb.bound.polynomials.ranges import Piecewise, joined
+from symmb.bound.responses import DOUBTFUL
 
 
-def range_of_many(
-    runs: Runs, tolerance: float, is_patient: bool, known: Mapping[int, EstimatedRange]
-) -> EstimatedRange:
-    """The ranges of all outputs. The study of an output uses all runs, and requests runs until its error is small.
-
-    `known` contains the ranges of outputs that are known already, by the indices of these outputs.
+@dataclass(frozen=True)
+class PerOutput(JointStudy):
+    """A row of small studies for each output that is not decided. Each round makes the runs of all outputs.
 
     A kink may change the response at a few corners only. If runs cost little, the corners next to all extremes are run
-    at the end. Studies with larger errors at these corners continue with runs at all corners.
+    at the end. Outputs with larger errors at these corners continue with runs at all corners.
+
+    Attributes
+    ----------
+    studies : in the order in which they are tried
     """
-    columns = [k for k in range(runs.shape[1]) if k not in known]
-    studies = [OutputStudy(OutputRuns(runs, k), tolerance, is_patient) for k in columns]
-    found = _found(runs, studies, studies)
-    if studies and studies[0].runs.has_lanes and not runs.clock.is_late:
-        runs.check(_distinct([study.corners_of(own) for study, own in found.items()])[: runs.left])
-        found = {study: study.with_corners(own) for study, own in found.items()}
-        found |= _found(runs, studies, [study for study in studies if study.continues(found[study])])
-    every = {**known, **{study.runs.column: own for study, own in found.items()}}
-    return _joined(runs, [every[k] for k in range(runs.shape[1])])
 
+    studies: tuple[OutputStudy, ...]
 
-def _found(runs: Runs, studies: list[OutputStudy], some: list[OutputStudy]) -> dict[OutputStudy, EstimatedRange]:
-    """The ranges of `some` of all studies. These studies advance together and use the same runs."""
-    steps, found = {study: study.steps() for study in some}, dict[OutputStudy, EstimatedRange]()
+    name = "each output"
+    when = "outputs are not decided"
 
-    def predict(points: Array) -> Array:
-        values = np.zeros((len(points), *runs.shape))
-        for study in studies:
-            values[..., study.runs.column : study.runs.column + 1] = study.expansion.values(points)
-        return values
+    def accepts(self, problem: Problem) -> bool:
+        return True
 
-    known = None if some is studies else predict  # at first, no interpolant can predict values
-    while True:
-        requests = list[Request]()
-        for study, own in list(steps.items()):
-            try:
-                requests.append(next(own))
-            except StopIteration as end:
-                found[study] = end.value
-                del steps[study]
-        if not requests:
-            return found
-        _answer(runs, requests, known)
-        known = predict
+    def ranges(self, problem: Problem) -> tuple[dict[int, EstimatedRange], Mask]:
+        runs, is_last = problem.runs, problem.refinement is None
+        columns = np.flatnonzero(problem.open).tolist()
+        patient = problem.is_patient and is_last
+        outputs = [OutputProblem(OutputRuns(runs, k), problem.tolerance, patient) for k in columns]
+        found = self._found(runs, outputs, outputs)
+        if runs.has_lanes and not runs.clock.is_late:
+            runs.check(_distinct([output.corners_of(own) for output, own in found.items()])[: runs.left])
+            found = {output: output.with_corners(own) for output, own in found.items()}
+            found |= self._found(runs, outputs, [output for output in outputs if output.continues(found[output])])
+        ranges = {output.runs.column: own for output, own in found.items()}
+        decided = np.zeros(runs.shape[1], dtype=bool)
+        for k, own in ranges.items():
+            decided[k] = is_last or problem.error(k, own) <= DOUBTFUL
+        return ranges, decided
+
+    def _steps(self, output: OutputProblem) -> Steps:
+        """Request runs until the range of an output is known, and return the range."""
+        for study in self.studies:
+            if study.accepts(output) and (found := (yield from study.steps(output))):
+                return found
+        raise AssertionError("the last study decides each output")
+
+    def _found(
+        self, runs: Runs, outputs: list[OutputProblem], some: list[OutputProblem]
+    ) -> dict[OutputProblem, EstimatedRange]:
+        """The ranges of `some` of all outputs. Their studies advance together and use the same runs."""
+        steps, found = {output: self._steps(output) for output in some}, dict[OutputProblem, EstimatedRange]()
+
+        def predict(points: Array) -> Array:
+            values = np.zeros((len(points), *runs.shape))
+            for output in outputs:
+                values[..., output.runs.column : output.runs.column + 1] = output.expansion.values(points)
+            return values
+
+        known = None if some is outputs else predict  # at first, no interpolant can predict values
+        while True:
+            requests = list[Request]()
+            for output, own in list(steps.items()):
+                try:
+                    requests.append(next(own))
+                except StopIteration as end:
+                    found[output] = end.value
+                    del steps[output]
+            if not requests:
+                return found
+            _answer(runs, requests, known)
+            known = predict
 
 
 def _answer(runs: Runs, requests: list[Request], predict: Callable[[Array], Array] | None) -> None:
@@ -84,30 +109,3 @@ def _distinct(points: Sequence[Array]) -> Array:
     every = np.concatenate(points)
     _, first = np.unique(every.round(12), axis=0, return_index=True)
     return every[np.sort(first)]
-
-
-def _together(arrays: Sequence[Array], n_t: int, axis: int) -> Array:
-    """Arrays joined along the axis of outputs. The axis of times before it has length n_t, or 1 for a scalar output."""
-    return np.concatenate([np.broadcast_to(a, (*a.shape[: axis - 1], n_t, *a.shape[axis:])) for a in arrays], axis=axis)
-
-
-def _joined(runs: Runs, found: Sequence[EstimatedRange]) -> EstimatedRange:
-    """The range of all outputs, from the range of each output."""
-    lower, upper = (_together([getattr(each, name) for each in found], runs.shape[0], 1) for name in ("lower", "upper"))
-    d = len(runs.box)
-    places = [np.zeros((2, *each.lower.shape, d)) if each.places is None else each.places for each in found]
-    polynomials = [each.polynomials for each in found]
-
-    def every() -> Piecewise | None:
-        return joined([each() if each else None for each in polynomials], runs.shape[0])
-
-    names = list(dict.fromkeys(each.surrogate for each in found))
-    return EstimatedRange(
-        lower,
-        upper,
-        Evidence.joined([each.evidence for each in found], runs.shape[0]),
-        every,
-        ", ".join(names),
-        _together(places, runs.shape[0], 2),
-        is_enough=all(each.is_enough for each in found),
-    )

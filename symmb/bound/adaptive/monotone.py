@@ -1,29 +1,25 @@
 """Bounds of responses that are monotonic in each parameter. Runs at corners attain these bounds."""
 
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Generator, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
 from symmb._types import Array, Indices
 from symmb.bound.adaptive.check_points import PATIENCE, SAFETY, screening_points
 from symmb.bound.adaptive.evidence import Evidence
-from symmb.bound.adaptive.requests import Checks, Noise, Request
+from symmb.bound.adaptive.output_problem import OutputProblem
+from symmb.bound.adaptive.requests import Attempt, Checks, Noise, Request
 from symmb.bound.adaptive.runs import OutputRuns, relative_rms
+from symmb.bound.adaptive.small_study import OutputStudy
 from symmb.bound.adaptive.surrogate import EstimatedRange
 from symmb.bound.nodes import corners
-from symmb.bound.polynomials.ranges import Piecewise
 from symmb.bound.responses import LEAST_WIDTH, rms
 
-MONOTONE_SHARE = 0.2
-"""Expected error of the extremes at corners, divided by the tolerance. The cause is that effects may change their signs
-between runs. Half of this error may come from the use of neighbouring corners. Smaller values take more runs."""
 
-
-def corner_range(
-    runs: OutputRuns, tolerance: float, polynomials: Callable[[], Piecewise | None]
-) -> Generator[Request, None, EstimatedRange | None]:
-    """The extremes of runs at the corners where monotonic responses are lowest and highest; None if an effect changes
-    its sign.
+@dataclass(frozen=True)
+class Corners(OutputStudy):
+    """The extremes of runs at the corners where monotonic responses are lowest and highest.
 
     The effect of a parameter is the change of a response if only this parameter changes. Runs on both sides of the
     middle of the box, and along edges, show the effects. If each effect has one sign, the response is assumed to be
@@ -34,45 +30,59 @@ def corner_range(
     few corners, all corners are run. Responses with little curvature along each parameter, such as products, have their
     extremes at corners.
 
-    `polynomials` returns polynomials through all runs.
+    Attributes
+    ----------
+    share : expected error of the extremes at corners, divided by the tolerance. The cause is that effects may change
+        their signs between runs. Half of this error may come from the use of neighbouring corners. Smaller values take
+        more runs
     """
-    error = yield from _error(runs, tolerance)
-    if error is None:
-        return None
-    if not runs.noise_is_known:
-        yield Noise()
-    low, high = runs.extremes
-    error += MONOTONE_SHARE * tolerance * (high - low)
-    return EstimatedRange(low, high, Evidence.of("corners", error), polynomials, "runs at corners", is_enough=True)
 
+    share: float = 0.2
 
-def _error(runs: OutputRuns, tolerance: float) -> Generator[Request, None, Array | None]:
-    """The estimated error (n_t, n_y) of the extremes at corners; None if it is too large."""
-    d = len(runs.box)
-    unit = np.eye(d)
-    star = runs.at_nodes(np.concatenate([np.zeros((1, d)), -unit, unit]))
-    lower_half, upper_half = star[0] - star[1 : d + 1], star[d + 1 :] - star[0]
-    slope = lower_half + upper_half
-    width = np.abs(slope).sum(axis=0)
-    least = LEAST_WIDTH * rms(width)
-    allowed = MONOTONE_SHARE / 2 * tolerance * np.maximum(width, least)
-    bulge = _bulge(lower_half, upper_half)
+    name = "corners"
+    when = "runs are not computed side by side, and responses are monotonic"
 
-    def is_too_large(error: Array) -> bool:
-        return relative_rms(error, runs.rms_widths()) > tolerance
+    def accepts(self, problem: OutputProblem) -> bool:
+        return problem.found is None and not problem.has_corners and not problem.runs.has_lanes
 
-    # Parabolas along the axes are checked first, because they need no further run.
-    if is_too_large(_beyond_noise(runs, bulge)) or not runs.are_ok:
-        return None
-    if runs.may_hide():
-        yield Checks(screening_points(d)[: runs.left // 2])
-    signs, own = _corners(slope.reshape(d, -1).T, allowed.ravel(), min(PATIENCE * d, (runs.left - 2 * d) // 2))
-    if len(signs):
-        error = yield from _error_at_own_corners(runs, slope, bulge, signs, own)
-        if error is None or not is_too_large(error):
-            return error
-    error = yield from _error_at_all_corners(runs, bulge)  # e.g. effects in products change their signs
-    return None if error is None or is_too_large(error) else error
+    def steps(self, problem: OutputProblem) -> Attempt:
+        runs, tolerance, problem.has_corners = problem.runs, problem.tolerance, True
+        error = yield from self._error(runs, tolerance)
+        if error is None:
+            return None
+        if not runs.noise_is_known:
+            yield Noise()
+        low, high = runs.extremes
+        evidence = Evidence.of("corners", error + self.share * tolerance * (high - low))
+        return EstimatedRange(low, high, evidence, problem.continued, "runs at corners", is_enough=True)
+
+    def _error(self, runs: OutputRuns, tolerance: float) -> Generator[Request, None, Array | None]:
+        """The estimated error (n_t, n_y) of the extremes at corners; None if it is too large."""
+        d = len(runs.box)
+        unit = np.eye(d)
+        star = runs.at_nodes(np.concatenate([np.zeros((1, d)), -unit, unit]))
+        lower_half, upper_half = star[0] - star[1 : d + 1], star[d + 1 :] - star[0]
+        slope = lower_half + upper_half
+        width = np.abs(slope).sum(axis=0)
+        least = LEAST_WIDTH * rms(width)
+        allowed = self.share / 2 * tolerance * np.maximum(width, least)
+        bulge = _bulge(lower_half, upper_half)
+
+        def is_too_large(error: Array) -> bool:
+            return relative_rms(error, runs.rms_widths()) > tolerance
+
+        # Parabolas along the axes are checked first, because they need no further run.
+        if is_too_large(_beyond_noise(runs, bulge)) or not runs.are_ok:
+            return None
+        if runs.may_hide():
+            yield Checks(screening_points(d)[: runs.left // 2])
+        signs, own = _corners(slope.reshape(d, -1).T, allowed.ravel(), min(PATIENCE * d, (runs.left - 2 * d) // 2))
+        if len(signs):
+            error = yield from _error_at_own_corners(runs, slope, bulge, signs, own)
+            if error is None or not is_too_large(error):
+                return error
+        error = yield from _error_at_all_corners(runs, bulge)  # e.g. effects in products change their signs
+        return None if error is None or is_too_large(error) else error
 
 
 def _beyond_noise(runs: OutputRuns, against: Array) -> Array:

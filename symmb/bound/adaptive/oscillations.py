@@ -16,9 +16,12 @@ from symmb._types import Array, Indices, Mask
 from symmb.bound.adaptive.check_points import PROBES, SAFETY, corner_design, evenly_spread_points
 from symmb.bound.adaptive.evidence import Evidence
 from symmb.bound.adaptive.runs import Runs, relative_rms
+from symmb.bound.adaptive.small_study import WAVEFORMS, JointStudy, Problem
 from symmb.bound.adaptive.surrogate import EstimatedRange
+from symmb.bound.adaptive.tensor_grids import is_resolved
 from symmb.bound.nodes import Grid, along_axes
 from symmb.bound.polynomials import MultiIndices, TotalDegree, basis_values
+from symmb.bound.polynomials.ranges import MOST_PARAMETERS
 from symmb.bound.responses import DOUBTFUL
 
 if TYPE_CHECKING:
@@ -32,15 +35,93 @@ MOST_CHANGE = 0.1
 """Largest relative change of the period between two cycles. With several frequencies, the period changes more."""
 AT_REST = 1e-4
 """Largest distance from the last value, divided by the width of a response, at which an oscillation has decayed."""
-MOST_DIMENSIONS, MOST_VALUES = 4, 5e7
-"""Largest number of parameters, and of values of waveforms in a search of ranges. The search takes a few seconds."""
-MOST_DEGREE, CONVERGENCE = 5, 0.5
-"""Largest degree of the polynomials, and largest ratio of the errors of two degrees. With a larger ratio, polynomials
-of phase and waveform do not converge, and other methods take fewer runs."""
+MOST_DIMENSIONS = 4
+"""Largest number of parameters of waveforms. With more, searches of ranges have too few lines."""
 SAMPLES, FINE_SAMPLES, SLOW_TIMES = 32, 128, 129
 """Samples of a cycle in fits and in ranges, and times at which waveforms are stored. Waveforms change slowly."""
 LINE_ERROR, PHASE_ERROR = 1e-3, 0.1
 """Error of ranges on lines over the width, and error of the phase [cycles] above which extremes may be wrong."""
+
+
+@dataclass(frozen=True)
+class Waveforms(JointStudy):
+    """Polynomials of the phase and the waveform of outputs that oscillate.
+
+    The error is estimated by leaving out one run at a time: each run is predicted from the other runs, and compared
+    with its own result. Degrees increase until the errors are within the tolerance, or no longer decrease. Outputs with
+    doubtful errors are left out.
+
+    Attributes
+    ----------
+    most_dimensions, most_values : largest number of parameters, and of values of waveforms in a search of ranges. The
+        search takes a few seconds
+    most_degree : largest degree of the polynomials
+    convergence : largest ratio of the errors of two degrees. With a larger ratio, polynomials of phase and waveform do
+        not converge, and other methods take fewer runs
+    """
+
+    most_dimensions: int = MOST_DIMENSIONS
+    most_values: float = 5e7
+    most_degree: int = 5
+    convergence: float = 0.5
+
+    name = "waveforms"
+    when = f"there are up to {MOST_DIMENSIONS} parameters, and outputs oscillate with phases that differ by a cycle"
+
+    def accepts(self, problem: Problem) -> bool:
+        d = len(problem.runs.box)
+        if d > self.most_dimensions or problem.runs.shape[0] < LEAST_CYCLES**2:
+            return False
+        return d > MOST_PARAMETERS or not is_resolved(problem)
+
+    def ranges(self, problem: Problem) -> tuple[dict[int, EstimatedRange], Mask]:
+        found = self._found(problem.runs, problem.tolerance, problem.known)
+        problem.runs.clock.restart()  # other outputs get as much time as without outputs that oscillate
+        return found, np.array([k in found and found[k].is_enough for k in range(problem.runs.shape[1])])
+
+    def _found(self, runs: Runs, tolerance: float, known: Container[int]) -> dict[int, EstimatedRange]:
+        """The ranges of the outputs that oscillate and are not known, by their indices."""
+        t, d, before = np.asarray(runs.simulator.times), len(runs.box), np.inf
+        found, oscillates, fits = dict[int, EstimatedRange](), list[int](), dict[int, tuple[float, _Fit]]()
+        if not len(runs):  # sparse grids begin with the same runs
+            grid = Grid(d)
+            runs.at(grid.grown(grid.missing(along_axes(d, 2))).nodes)
+        if runs.ok.all():
+            oscillates = [k for k in _oscillating(t, np.concatenate([runs.nodes, runs.checks])) if k not in known]
+        if len(oscillates) * len(t) * sum(map(len, _lines(d))) > self.most_values:
+            return found
+        for degree in range(2, self.most_degree + 1):
+            alpha = TotalDegree().indices(d, degree)
+            spread = evenly_spread_points(2 * len(alpha) + PROBES, d)
+            design = np.concatenate([corner_design(d), spread])
+            is_late = degree > 2 and runs.clock.is_late
+            if all(k in found and found[k].is_enough for k in oscillates) or len(design) > runs.left or is_late:
+                break
+            runs.check(design)
+            if not runs.ok.all():
+                return found
+            points, Y, error = np.concatenate([runs.places, runs.points]), _outputs(runs), 0.0
+            for k in oscillates:
+                if k in found:
+                    continue
+                if (fit := _Fit.of(t, Y[k], points, alpha)) is None:  # some of the new runs do not oscillate
+                    return found
+                own = relative_rms(SAFETY * fit.least[:, None], runs.rms_widths()[k : k + 1])
+                if own <= tolerance:  # ranges take time
+                    of_output = _range(runs, k, fit, tolerance)
+                    own = relative_rms(of_output.estimate, runs.rms_widths()[k : k + 1])
+                    if of_output.is_enough:
+                        found[k] = of_output
+                        continue
+                fits[k] = min(fits.get(k, (np.inf, fit)), (own, fit), key=lambda each: each[0])
+                error = max(error, own)
+            if error > self.convergence * before:
+                break
+            before = error
+        rest = {
+            k: _range(runs, k, fit, tolerance) for k, (own, fit) in fits.items() if k not in found and own <= DOUBTFUL
+        }
+        return found | rest
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,62 +184,12 @@ class Cycles:
         return -ends[0], ends[1], attained
 
 
-def oscillation_ranges(runs: Runs, tolerance: float, known: Container[int]) -> dict[int, EstimatedRange]:
-    """The ranges of outputs that oscillate, by their indices, if their phases differ by a cycle or more between runs.
-
-    The error is estimated by leaving out one run at a time: each run is predicted from the other runs, and compared
-    with its own result. Degrees increase until the errors are within the tolerance, or no longer decrease. Outputs with
-    doubtful errors, and outputs that are known, are left out.
-    """
-    t, d, before = np.asarray(runs.simulator.times), len(runs.box), np.inf
-    found, oscillates, fits = dict[int, EstimatedRange](), list[int](), dict[int, tuple[float, _Fit]]()
-    if d > MOST_DIMENSIONS or len(t) < LEAST_CYCLES**2:
-        return found
-    if not len(runs):  # sparse grids begin with the same runs
-        grid = Grid(d)
-        runs.at(grid.grown(grid.missing(along_axes(d, 2))).nodes)
-    if runs.ok.all():
-        oscillates = [k for k in _oscillating(t, np.concatenate([runs.nodes, runs.checks])) if k not in known]
-    if len(oscillates) * len(t) * sum(map(len, _lines(d))) > MOST_VALUES:
-        return found
-    for degree in range(2, MOST_DEGREE + 1):
-        alpha = TotalDegree().indices(d, degree)
-        spread = evenly_spread_points(2 * len(alpha) + PROBES, d)
-        design = np.concatenate([corner_design(d), spread])
-        is_late = degree > 2 and runs.clock.is_late
-        if all(k in found and found[k].is_enough for k in oscillates) or len(design) > runs.left or is_late:
-            break
-        runs.check(design)
-        if not runs.ok.all():
-            return found
-        points, Y, error = np.concatenate([runs.places, runs.points]), _outputs(runs), 0.0
-        for k in oscillates:
-            if k in found:
-                continue
-            if (fit := _Fit.of(t, Y[k], points, alpha)) is None:  # some of the new runs do not oscillate
-                return found
-            own = relative_rms(SAFETY * fit.least[:, None], runs.rms_widths()[k : k + 1])
-            if own <= tolerance:  # ranges take time
-                of_output = _range(runs, k, fit, tolerance)
-                own = relative_rms(of_output.estimate, runs.rms_widths()[k : k + 1])
-                if of_output.is_enough:
-                    found[k] = of_output
-                    continue
-            fits[k] = min(fits.get(k, (np.inf, fit)), (own, fit), key=lambda each: each[0])
-            error = max(error, own)
-        if error > CONVERGENCE * before:
-            break
-        before = error
-    rest = {k: _range(runs, k, fit, tolerance) for k, (own, fit) in fits.items() if k not in found and own <= DOUBTFUL}
-    return found | rest
-
-
 def _range(runs: Runs, k: int, fit: "_Fit", tolerance: float) -> EstimatedRange:
     """The range of output k from a fit."""
     lower, upper, estimate = (each[:, None] for each in fit.range())
     is_enough = relative_rms(estimate, runs.rms_widths()[k : k + 1]) <= tolerance
     evidence = Evidence.of("waveforms", estimate)
-    return EstimatedRange(lower, upper, evidence, None, "waveforms of a phase", is_enough=is_enough)
+    return EstimatedRange(lower, upper, evidence, None, WAVEFORMS, is_enough=is_enough)
 
 
 def _outputs(runs: Runs) -> list[Array]:

@@ -22,6 +22,8 @@ parameter."""
 JUDGED_DEGREE = 16
 """Smallest degree for a decision on smoothness. For halves, the degree is doubled, because one half is usually rough.
 With a smaller degree, smooth responses are divided. A larger degree takes more runs at kinks."""
+OSCILLATING = 0.3
+"""Largest part of the nodes of one parameter at which a response with a kink turns. Oscillations turn at more nodes."""
 JUMP_SHARE = 0.35
 """Smallest change between two neighbours on a line of nodes, divided by all changes along the line, that is a jump."""
 _DEGREES_OF_TAIL = 4
@@ -127,21 +129,29 @@ class Piece:
         rough = np.where(decay > SMOOTH_DECAY, self._direction_errors, 0.0)
         return int(rough.argmax()) if rough.max() >= REFINED_SHARE * largest > 0 else None
 
-    def _jumps_along(self, i: int) -> bool:
-        """Whether the error along a parameter comes from events or jumps.
+    def _is_halved(self) -> bool:
+        """Whether the error comes from events or jumps; for one parameter, also from kinks.
 
         At a jump, most of the change along a line of nodes is between two neighbours. The change of an oscillation
-        that is not resolved, and the change at a kink, are spread over more nodes.
+        that is not resolved, and the change at a kink, are spread over more nodes. An oscillation has many turns.
         """
         if self.event_errors is not None:
             return True
+        if len(self.half) == 1:
+            worst = (self.truncation.directions[0] / self.widths).argmax()
+            y = self.Y.reshape(len(self.rows), -1)[self.nodes[:, 0].argsort(), worst]
+            turns = np.diff(np.sign(np.diff(y))) != 0
+            return bool(turns.sum() <= OSCILLATING * len(turns))
         order = np.lexsort(self.nodes.T[::-1])  # grids list nodes by degree; lines need the order of coordinates
         shape = (*(self.expansion.alpha.max(axis=0) + 1).tolist(), *self.expansion.coefficients.shape[1:])
-        change = np.abs(np.diff(self.Y[order].reshape(shape), axis=i))
-        largest = change.max(axis=i)
-        jumps = np.where(largest >= JUMP_SHARE * change.sum(axis=i), largest, 0.0)
-        size = relative_errors(jumps.max(axis=tuple(range(len(self.half) - 1))), self.widths)
-        return bool(size.max(initial=0.0) >= self._direction_errors[i])
+        Y, axes = self.Y[order].reshape(shape), tuple(range(len(self.half) - 1))
+        for k, error in enumerate(self._direction_errors):
+            change = np.abs(np.diff(Y, axis=k))
+            largest = change.max(axis=k)
+            jumps = np.where(largest >= JUMP_SHARE * change.sum(axis=k), largest, 0.0).max(axis=axes)
+            if (size := relative_errors(jumps, self.widths).max(initial=0.0)) > 0 and size >= error:
+                return True
+        return False
 
     @cached_property
     def jumps(self) -> Mask | None:
@@ -227,7 +237,7 @@ class Piece:
         """
         degrees = self.expansion.alpha.max(axis=0)
         rough = self.rough_direction
-        if rough is None or not self._jumps_along(rough):
+        if rough is None or not self._is_halved():
             is_large = self._direction_errors >= REFINED_SHARE * self._direction_errors.max()
             higher = np.where(is_large, _higher(degrees), degrees)
             return [(self.centre, self.half, higher)] if (higher > degrees).any() else []

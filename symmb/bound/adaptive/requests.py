@@ -38,3 +38,5 @@ class Noise:
 Request = Nodes | Checks | Places | Noise
 Steps = Generator[Request, None, EstimatedRange]
 """A study of an output, which requests runs and returns the range."""
+Attempt = Generator[Request, None, EstimatedRange | None]
+"""A small study of an output, which returns None if the next small study continues."""

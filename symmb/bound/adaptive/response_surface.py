@@ -13,11 +13,13 @@ import numpy as np
 
 from symmb._magnitudes import SAME
 from symmb._types import Array, Mask
-from symmb.bound.adaptive.check_points import PATIENCE, SAFETY, quasi_random_points, screening_corners
+from symmb.bound.adaptive.check_points import FEW_TIMES, PATIENCE, SAFETY, quasi_random_points, screening_corners
 from symmb.bound.adaptive.continuation import extrapolated_sizes, largest
 from symmb.bound.adaptive.evidence import Evidence
-from symmb.bound.adaptive.requests import Checks, Noise, Steps
+from symmb.bound.adaptive.output_problem import OutputProblem
+from symmb.bound.adaptive.requests import Attempt, Checks, Noise, Steps
 from symmb.bound.adaptive.runs import CHEAP_RUNS, TRUST, OutputRuns
+from symmb.bound.adaptive.small_study import OutputStudy
 from symmb.bound.adaptive.surrogate import EstimatedRange
 from symmb.bound.nodes import Grid, along_axes
 from symmb.bound.polynomials import Expansion
@@ -25,28 +27,12 @@ from symmb.bound.polynomials.ranges import Piecewise
 from symmb.bound.responses import DOUBTFUL, rms
 from symmb.bound.searches import LINE_POINTS, GaussianProcess, Kernel, Ridge, Sum
 
-SHORTEST_RIDGE = 0.7
-"""Length of a ridge. Searches start from 1, 2, 4 and 8 times this length. Fewer starts may fail, more take time."""
-REFIT_GROWTH, UNLIKELY = 1.4, 20.0
-"""Growth of the number of runs after which the kernel is chosen again. Logarithm of the likelihood ratio at which a
-kernel is abandoned. Smaller growth and larger ratios take more time and fewer runs."""
-DEVIATIONS, LATEST_RUNS = 2.0, 10
-"""Largest expected distance of a response from its mean, in standard deviations. Number of last runs that may increase
-this distance. Larger numbers are safer and take more runs."""
-SPREAD_RUNS, FEWEST_SPREAD = 4, 12
-"""Number of runs of a round that are spread over the box, and their smallest total number. The first of these runs are
-at corners, because some effects require several high parameters. Larger numbers are safer."""
-SLOPE_STEP = 0.15
-"""Distance from the centre at which slopes are measured. Runs at the same distance from an extreme test whether the
-response is flat there. At a smaller distance, changes are smaller. At a larger distance, slopes differ."""
-SEARCH_CANDIDATES, SEARCH_STARTS = 200, 3
-"""Number of points of the box (and as many corners), and number of starts of searches. Larger numbers take more time
-and miss fewer extremes."""
 _NAME = "a response surface"
 
 
-def surface_range(runs: OutputRuns, points: Array, tolerance: float, is_patient: bool) -> Steps:
-    """The range of a Gaussian process through runs, with further runs at known and at possible extremes.
+@dataclass(frozen=True)
+class ResponseSurface(OutputStudy):
+    """A Gaussian process through runs, with further runs at known and at possible extremes.
 
     Slopes in the middle give the direction of a first ridge. Each round makes runs at the extremes of the mean, and of
     the mean plus or minus some standard deviations. Further runs are at points spread over the box, corners first. The
@@ -54,57 +40,103 @@ def surface_range(runs: OutputRuns, points: Array, tolerance: float, is_patient:
     the runs do not suffice, this error is at least the error of cross-validation. If the error remains large, the
     bounds are extremes of runs.
 
-    Parameters
+    Attributes
     ----------
-    points : (N, d) of the first runs of the process
-    tolerance : largest accepted ratio of the error to the width
-    is_patient : whether rounds continue until no runs are left
+    shortest_ridge : length of a ridge. Searches start from 1, 2, 4 and 8 times this length. Fewer starts may fail, more
+        take time
+    refit_growth : growth of the number of runs after which the kernel is chosen again. Smaller growth takes more time
+        and fewer runs
+    unlikely : logarithm of the likelihood ratio at which a kernel is abandoned
+    deviations : largest expected distance of a response from its mean, in standard deviations
+    latest_runs : number of last runs that may increase this distance. Larger numbers are safer and take more runs
+    spread_runs, fewest_spread : number of runs of a round that are spread over the box, and their smallest total
+        number. The first of these runs are at corners, because some effects require several high parameters
+    slope_step : distance from the centre at which slopes are measured. Runs at the same distance from an extreme test
+        whether the response is flat there. At a smaller distance, changes are smaller. At a larger one, slopes differ
+    candidates, starts : number of points of the box (and as many corners), and number of starts of searches. Larger
+        numbers take more time and miss fewer extremes
     """
-    d = len(runs.box)
-    most = runs.most if is_patient else PATIENCE * d
-    latest, kernels, n_spread, n_fit = np.zeros(1), list[Kernel](), 0, 0
-    corners = np.array_split(screening_corners(d)[:FEWEST_SPREAD], FEWEST_SPREAD // SPREAD_RUNS)
-    slopes = SLOPE_STEP * np.eye(d)
-    yield Checks(slopes)
-    points = np.concatenate([points, slopes])
-    while True:
-        data = _Responses.of(*runs.attained(points), runs)
-        if not data.varies.any():
-            evidence = Evidence.of("exact", np.zeros(runs.shape))
-            return EstimatedRange(*runs.extremes, evidence, None, _NAME, is_enough=True)
-        if len(data.points) >= REFIT_GROWTH * n_fit:
-            kernels, n_fit = _kernels(kernels, data), len(data.points)
-        surface = GaussianProcess(kernels[0], data.points, data.Y)
-        # At an extreme of a sum, the errors of all its kinks have the same sign.
-        factor = DEVIATIONS * (d**0.5 if kernels[0].is_sum else 1.0)
-        places, ends = _extremes(surface, factor * max(1.0, float(rms(surface.left_out_deviations()[-LATEST_RUNS:]))))
-        attained, width = np.stack([data.Y.min(axis=0), data.Y.max(axis=0)]), np.ptp(data.Y, axis=0)
-        ends = np.stack([np.minimum(ends[0], attained[0]), np.maximum(ends[1], attained[1])])
-        is_plateau = _is_plateau(data, attained)
-        ends = np.where(is_plateau[:, None], attained[:, None], ends)
-        observed = np.where(is_plateau, 0.0, TRUST * rms(latest) * width)
-        estimate = np.maximum(np.abs(ends[:, 1] - ends[:, 0]), observed).max(axis=0)
-        is_enough = n_spread >= FEWEST_SPREAD and bool((estimate <= np.maximum(tolerance * width, data.noise)).all())
-        if is_enough or len(data.points) >= most or not runs.left or runs.clock.is_late:
-            if not is_enough:
-                estimate = np.maximum(estimate, _left_out(surface, data.noise))
-            found = data.range(runs, surface, (places[:, 0], ends), attained, estimate)
-            return found._replace(is_enough=is_enough)
-        if not runs.noise_is_known and len(data.points) > CHEAP_RUNS:
-            yield Noise()
-            kernels, n_fit = [], 0  # noise of one response changes the kernel of all responses
-            continue
-        spread = corners.pop() if corners else quasi_random_points(n_spread + SPREAD_RUNS, d)[-SPREAD_RUNS:]
-        n_spread += SPREAD_RUNS
-        beside = _beside(places[:, 0].reshape(-1, d), n_spread)
-        n_known = len(runs.points)
-        new = _distinct([*places.reshape(-1, d), *beside, *spread], data.points)
-        points = np.concatenate([points, new])
-        yield Checks(new)
-        if len(runs.points) > n_known:
-            responses = runs.checks[n_known:]
-            errors = np.abs(data.relative(responses) - surface.mean(runs.points[n_known:]))
-            latest = (errors / np.ptp(data.Y, axis=0)).max(axis=1)
+
+    shortest_ridge: float = 0.7
+    refit_growth: float = 1.4
+    unlikely: float = 20.0
+    deviations: float = 2.0
+    latest_runs: int = 10
+    spread_runs: int = 4
+    fewest_spread: int = 12
+    slope_step: float = 0.15
+    candidates: int = 200
+    starts: int = 3
+
+    name = "response surface"
+    when = f"an output has at most {FEW_TIMES} times, and its sparse grid or its corners do not decide it"
+
+    def accepts(self, problem: OutputProblem) -> bool:
+        return problem.found is None and problem.is_brief
+
+    def steps(self, problem: OutputProblem) -> Attempt:
+        runs = problem.runs
+        points = np.concatenate([problem.grid.nodes, problem.probes if runs.has_lanes else runs.points])
+        found = yield from self._found(problem, points)
+        return (yield from problem.polled(found))
+
+    def _found(self, problem: OutputProblem, points: Array) -> Steps:
+        """The range, from points (N, d) of the first runs of the process."""
+        runs, tolerance, is_patient = problem.runs, problem.tolerance, problem.is_patient
+        d = len(runs.box)
+        most = runs.most if is_patient else PATIENCE * d
+        latest, kernels, n_spread, n_fit = np.zeros(1), list[Kernel](), 0, 0
+        corners = np.array_split(screening_corners(d)[: self.fewest_spread], self.fewest_spread // self.spread_runs)
+        slopes = self.slope_step * np.eye(d)
+        yield Checks(slopes)
+        points = np.concatenate([points, slopes])
+        while True:
+            data = _Responses.of(*runs.attained(points), runs)
+            if not data.varies.any():
+                evidence = Evidence.of("exact", np.zeros(runs.shape))
+                return EstimatedRange(*runs.extremes, evidence, None, _NAME, is_enough=True)
+            if len(data.points) >= self.refit_growth * n_fit:
+                kernels, n_fit = _kernels(kernels, data), len(data.points)
+            surface = GaussianProcess(kernels[0], data.points, data.Y)
+            # At an extreme of a sum, the errors of all its kinks have the same sign.
+            factor = self.deviations * (d**0.5 if kernels[0].is_sum else 1.0)
+            places, ends = _extremes(
+                surface, factor * max(1.0, float(rms(surface.left_out_deviations()[-self.latest_runs :])))
+            )
+            attained, width = np.stack([data.Y.min(axis=0), data.Y.max(axis=0)]), np.ptp(data.Y, axis=0)
+            ends = np.stack([np.minimum(ends[0], attained[0]), np.maximum(ends[1], attained[1])])
+            is_plateau = _is_plateau(data, attained)
+            ends = np.where(is_plateau[:, None], attained[:, None], ends)
+            observed = np.where(is_plateau, 0.0, TRUST * rms(latest) * width)
+            estimate = np.maximum(np.abs(ends[:, 1] - ends[:, 0]), observed).max(axis=0)
+            is_enough = n_spread >= self.fewest_spread and bool(
+                (estimate <= np.maximum(tolerance * width, data.noise)).all()
+            )
+            if is_enough or len(data.points) >= most or not runs.left or runs.clock.is_late:
+                if not is_enough:
+                    estimate = np.maximum(estimate, _left_out(surface, data.noise))
+                found = data.range(runs, surface, (places[:, 0], ends), attained, estimate)
+                return found._replace(is_enough=is_enough)
+            if not runs.noise_is_known and len(data.points) > CHEAP_RUNS:
+                yield Noise()
+                kernels, n_fit = [], 0  # noise of one response changes the kernel of all responses
+                continue
+            spread = (
+                corners.pop() if corners else quasi_random_points(n_spread + self.spread_runs, d)[-self.spread_runs :]
+            )
+            n_spread += self.spread_runs
+            beside = _beside(places[:, 0].reshape(-1, d), n_spread)
+            n_known = len(runs.points)
+            new = _distinct([*places.reshape(-1, d), *beside, *spread], data.points)
+            points = np.concatenate([points, new])
+            yield Checks(new)
+            if len(runs.points) > n_known:
+                responses = runs.checks[n_known:]
+                errors = np.abs(data.relative(responses) - surface.mean(runs.points[n_known:]))
+                latest = (errors / np.ptp(data.Y, axis=0)).max(axis=1)
+
+
+_SURFACE = ResponseSurface()
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,7 +248,7 @@ def _kernels(kernels: list[Kernel], data: _Responses) -> list[Kernel]:
     likely: dict[tuple[int, bool], Kernel] = {}  # the best kernel for each number of ridges, and for sums
     for fit in fits:
         kernel = fit.kernel
-        if _unlikeliness(fit) < _unlikeliness(fits[0]) + UNLIKELY:
+        if _unlikeliness(fit) < _unlikeliness(fits[0]) + _SURFACE.unlikely:
             likely.setdefault((kernel.n_ridges, kernel.is_sum), kernel)
     return list(likely.values())
 
@@ -227,7 +259,7 @@ def _unlikeliness(process: GaussianProcess) -> float:
 
 def _slope(data: _Responses) -> Array:
     """The slope (d,) at the centre of the response with the largest slope."""
-    is_near = (data.points == SLOPE_STEP).any(axis=1) & (np.count_nonzero(data.points, axis=1) == 1)
+    is_near = (data.points == _SURFACE.slope_step).any(axis=1) & (np.count_nonzero(data.points, axis=1) == 1)
     middle = data.Y[(data.points == 0).all(axis=1)]
     if not len(middle):
         return np.zeros(data.points.shape[1])
@@ -238,7 +270,7 @@ def _slope(data: _Responses) -> Array:
 def _with_ridge(kernel: Kernel, direction: Array, data: _Responses) -> Kernel:
     """A kernel with one more ridge along a direction. The ridge has the most likely length."""
     direction = direction / np.linalg.norm(direction)
-    kernels = [kernel.with_term(Ridge(1.0, SHORTEST_RIDGE * k * direction)) for k in (1, 2, 4, 8)]
+    kernels = [kernel.with_term(Ridge(1.0, _SURFACE.shortest_ridge * k * direction)) for k in (1, 2, 4, 8)]
     return min(kernels, key=lambda each: _unlikeliness(GaussianProcess(each, data.points, data.Y)))
 
 
@@ -249,7 +281,7 @@ def _extremes(surface: GaussianProcess, factor: float) -> tuple[Array, Array]:
     all parameters, because a sum of functions of one parameter has many local extremes.
     """
     d, m = surface.points.shape[1], surface.Y.shape[1]
-    spread = quasi_random_points(SEARCH_CANDIDATES, d)
+    spread = quasi_random_points(_SURFACE.candidates, d)
     candidates = np.concatenate([spread, np.sign(spread), surface.points])
     mean, deviation = surface.mean(candidates), surface.deviation(candidates)
     places, ends = np.empty((2, 2, m, d)), np.empty((2, 2, m))
@@ -258,7 +290,7 @@ def _extremes(surface: GaussianProcess, factor: float) -> tuple[Array, Array]:
             for j in range(m):
                 order = np.argsort(sign * mean[:, j] - deviations * deviation, kind="stable")
                 best = _best_of_each_parameter(surface, j, sign, deviations, candidates[order[0]])
-                starts = np.concatenate([best[None], candidates[order[:SEARCH_STARTS]]])
+                starts = np.concatenate([best[None], candidates[order[: _SURFACE.starts]]])
                 places[end, k, j], least = surface.smallest(j, sign, deviations, starts)
                 ends[end, k, j] = sign * least
     return places, ends
@@ -278,7 +310,7 @@ def _beside(places: Array, number: int) -> Array:
     The directions depend on `number`, the number of the round.
     """
     directions = np.sign(quasi_random_points(number + len(places), places.shape[1])[number:])
-    return np.clip(places + SLOPE_STEP * np.where(np.abs(places) < 1, directions, -np.sign(places)), -1.0, 1.0)
+    return np.clip(places + _SURFACE.slope_step * np.where(np.abs(places) < 1, directions, -np.sign(places)), -1.0, 1.0)
 
 
 def _distinct(points: list[Array], known: Array) -> Array:

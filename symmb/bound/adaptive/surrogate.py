@@ -1,14 +1,13 @@
 """The range of a surrogate of the responses over the box."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from symmb._types import Array, Mask
 from symmb.bound.adaptive.evidence import Evidence
-from symmb.bound.polynomials.ranges import Piecewise
-from symmb.bound.responses import rms
+from symmb.bound.polynomials.ranges import Piecewise, joined
 
 
 class EstimatedRange(NamedTuple):
@@ -16,7 +15,8 @@ class EstimatedRange(NamedTuple):
 
     A call of `polynomials` makes the polynomials. The polynomials need as much memory as the runs, which can then be
     deleted. `places` (2, n_t, n_y, d) are the places of minima and maxima, if known. `is_enough` states whether the
-    tolerance is reached. `surrogate` is the name of the surrogate.
+    tolerance is reached. `surrogate` is the name of the surrogate. `whole` is the range of all outputs, of which this
+    range is one.
     """
 
     lower: Array
@@ -26,6 +26,7 @@ class EstimatedRange(NamedTuple):
     surrogate: str
     places: Array | None = None
     is_enough: bool = False
+    whole: "EstimatedRange | None" = None
 
     @property
     def estimate(self) -> Array:
@@ -43,33 +44,43 @@ class EstimatedRange(NamedTuple):
             every = polynomials() if polynomials else None
             return every and every.part(slice(None), own)
 
+        places = None if self.places is None else self.places[:, :, own]
+        evidence = self.evidence.column(k)
         return self._replace(
             lower=self.lower[:, own],
             upper=self.upper[:, own],
-            evidence=self.evidence.column(k),
+            evidence=evidence,
             polynomials=of_column,
-            places=None if self.places is None else self.places[:, :, own],
+            places=places,
+            whole=self,
         )
 
-    def better(self, other: "EstimatedRange", widths: Array, tolerance: float) -> "EstimatedRange":
-        """For each output, the range with the smaller relative error, and its polynomials. `widths` are (n_y,)."""
-        own, its = (rms(each.estimate) / widths for each in (self, other))
-        is_other = its < own
-        if is_other.all():
-            return other
-        lower, upper = (np.where(is_other, b, a) for a, b in zip(self[:2], other[:2], strict=True))
-        evidence = self.evidence.replaced(is_other, other.evidence)
-        surrogate = f"{self.surrogate}, {other.surrogate}" if is_other.any() else self.surrogate
-        is_enough = bool(np.minimum(own, its).max() <= tolerance)
-        return self._replace(lower=lower, upper=upper, evidence=evidence, surrogate=surrogate, is_enough=is_enough)
+    @classmethod
+    def joined(cls, found: Sequence["EstimatedRange"], n_t: int, d: int) -> "EstimatedRange":
+        """The range of all outputs over d parameters, from the range of each output."""
+        wholes = [each.whole for each in found]
+        if wholes[0] is not None and all(each is wholes[0] for each in wholes):
+            return wholes[0]
+        places = [np.zeros((2, *each.lower.shape, d)) if each.places is None else each.places for each in found]
 
-    def with_known(self, known: Mapping[int, "EstimatedRange"]) -> "EstimatedRange":
-        """The range, with known ranges (n_t, 1) of some outputs, by the indices of these outputs."""
-        if not known:
-            return self
-        lower, upper, evidence = self.lower.copy(), self.upper.copy(), self.evidence
-        for k, own in known.items():
-            lower[:, [k]], upper[:, [k]] = own[:2]
-            evidence = evidence.with_column(k, own.evidence)
-        names = dict.fromkeys([*self.surrogate.split(", "), *(own.surrogate for own in known.values())])
-        return self._replace(lower=lower, upper=upper, evidence=evidence, surrogate=", ".join(names))
+        def every() -> Piecewise | None:
+            for whole in filter(None, wholes):
+                # Interpolants on parts of the box are for all outputs. They are known to more runs than others.
+                if whole.polynomials and (own := whole.polynomials()) and len(own.expansions) > 1:
+                    return own
+            return joined([each.polynomials and each.polynomials() for each in found], n_t)
+
+        return cls(
+            _together([each.lower for each in found], n_t, 1),
+            _together([each.upper for each in found], n_t, 1),
+            Evidence.joined([each.evidence for each in found], n_t),
+            every,
+            ", ".join(dict.fromkeys(each.surrogate for each in found)),
+            _together(places, n_t, 2),
+            is_enough=all(each.is_enough for each in found),
+        )
+
+
+def _together(arrays: Sequence[Array], n_t: int, axis: int) -> Array:
+    """Arrays joined along the axis of outputs. The axis of times before it has length n_t, or 1 for a scalar output."""
+    return np.concatenate([np.broadcast_to(a, (*a.shape[: axis - 1], n_t, *a.shape[axis:])) for a in arrays], axis=axis)

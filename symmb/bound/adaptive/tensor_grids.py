@@ -22,8 +22,9 @@ from symmb.bound.adaptive.evidence import Evidence
 from symmb.bound.adaptive.piece import JUDGED_DEGREE, Part, Piece, nodes_of
 from symmb.bound.adaptive.runs import CHEAP_RUNS, NOISE_RUNS, TRUST, Runs, relative_errors, relative_rms
 from symmb.bound.adaptive.secants import secant_extremes
+from symmb.bound.adaptive.small_study import JointStudy, Problem
 from symmb.bound.adaptive.surrogate import EstimatedRange
-from symmb.bound.polynomials.ranges import RANGE_ERROR, Piecewise
+from symmb.bound.polynomials.ranges import MOST_PARAMETERS, RANGE_ERROR, Piecewise
 from symmb.bound.responses import DOUBTFUL, is_doubtful, is_doubtful_in_window
 
 NARROW, MOST_AT_KINKS = 0.01, 8
@@ -85,7 +86,51 @@ class _Union:
         return replace(found, error=np.maximum(error, SAFETY * seen))
 
 
-class TensorGrids:
+@dataclass(frozen=True)
+class TensorGrids(JointStudy):
+    """Interpolants on tensor grids, for up to three parameters.
+
+    Attributes
+    ----------
+    resumes : whether grids that were too costly are refined, because other studies leave errors above 10 % of the width
+    """
+
+    resumes: bool = False
+
+    name = "tensor grids"
+
+    @property
+    def when(self) -> str:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """The outputs that the study takes, in words."""
+        if self.resumes:
+            return "the other studies leave errors above 10 % of the width"
+        return f"there are up to {MOST_PARAMETERS} parameters, until kinks or three parameters take too many runs"
+
+    def accepts(self, problem: Problem) -> bool:
+        return problem.refinement is not None if self.resumes else len(problem.runs.box) <= MOST_PARAMETERS
+
+    def ranges(self, problem: Problem) -> tuple[dict[int, EstimatedRange], Mask]:
+        grids, which = problem.refinement or Refinement(problem.runs, problem.tolerance), problem.open
+        grids.count_only(which)
+        while (found := grids.bounded()) is None:
+            if not self.resumes and grids.is_costly:
+                problem.refinement = grids
+                return {}, ~which
+            grids = grids.refined()
+        return found.columns(which), which
+
+
+def is_resolved(problem: Problem) -> bool:
+    """Whether the error of the first interpolant is expected to be within the tolerance, and is far from doubtful.
+
+    The error of an oscillation that is not resolved may be estimated as only a few percent.
+    """
+    grids = Refinement(problem.runs, problem.tolerance)
+    grids.count_only(problem.open)
+    return grids.is_resolved
+
+
+class Refinement:
     """Interpolants on tensor grids. Degrees increase in the directions with the largest errors.
 
     If the response is not smooth, the box is halved. Each half is refined separately as long as it may contain an
@@ -108,10 +153,7 @@ class TensorGrids:
 
     @property
     def is_resolved(self) -> bool:
-        """Whether the error of the first interpolant is expected to be within the tolerance, and is far from doubtful.
-
-        The error of an oscillation that is not resolved may be estimated as only a few percent.
-        """
+        """Whether the first interpolant is accurate enough; see `is_resolved`."""
         return relative_rms(self._pieces[0].truncation.least, self._widths) <= min(self._tolerance, DOUBTFUL / 10)
 
     def bounded(self) -> EstimatedRange | None:
@@ -139,9 +181,9 @@ class TensorGrids:
 
         The remaining error is at least `trusted` (n_t, n_y).
         """
-        runs, tolerance, widths = self._runs, self._tolerance, self._widths
+        runs, tolerance = self._runs, self._tolerance
         inflated, worst = self._check(union, worst)
-        beyond = runs.beyond(union.lower, union.upper)
+        beyond, widths = runs.beyond(union.lower, union.upper), self._widths
         evidence = Evidence.of("check runs", inflated).at_least("decay", trusted).at_least("beyond", beyond)
         if len(runs.box) == 1:
             evidence = evidence.at_least("kinks", self._share_of_secants * self._unseen(union)[1].max(axis=0))
@@ -231,7 +273,7 @@ class TensorGrids:
         points = np.concatenate([evenly_spread_points(n_even, d), quasi_random_points(number if d > 1 else 0, d)])
         return points[: self._runs.left]
 
-    def refined(self) -> "TensorGrids":
+    def refined(self) -> "Refinement":
         """The grids after the chosen piece was refined or halved, or after the noise was measured."""
         runs, old = self._runs, self._chosen
         # Noise looks rough, so it is measured before a piece is halved.

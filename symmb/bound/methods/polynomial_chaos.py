@@ -16,7 +16,7 @@ from symmb._options import (
     require_whole,
 )
 from symmb._types import Array, Executor, Mask
-from symmb.bound.adaptive import adaptive_bounds
+from symmb.bound.adaptive import STUDIES, Studies, adaptive_bounds
 from symmb.bound.answers import Bounds, Kind
 from symmb.bound.methods.method import Method, OfConstraints
 from symmb.bound.methods.recorded import recorded_bounds
@@ -145,6 +145,20 @@ class PolynomialChaos(Method):
     def paper(cls, order: int = 2, *, nodes: Nodes = _GAUSS, lockstep: bool = False) -> "PolynomialChaos":
         """The paper's method: Gauss nodes or a SparseGrid, total degree, projection, Legendre inclusion."""
         return cls(order, nodes, TotalDegree(), LegendreInclusion(), lockstep=lockstep)
+
+    @property
+    def studies(self) -> Studies:
+        """The small studies of PolynomialChaos(), in the order in which they are tried, with their numbers.
+
+        Examples
+        --------
+        >>> import symmb as mb
+        >>> [study.name for study in mb.PolynomialChaos().studies][:3]
+        ['first grid', 'waveforms', 'tensor grids']
+        """
+        if self.order is not None:
+            raise DeclarationError(f"{self!r} has one grid. PolynomialChaos() without order is a row of small studies.")
+        return STUDIES
 
     def planned_runs(self, d: int) -> int | None:
         return None if self.order is None else getattr(self.nodes, "size", lambda *_: None)(d, self.order)

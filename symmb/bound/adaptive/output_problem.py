@@ -1,0 +1,146 @@
+"""What the small studies of one output share: its runs, its grid, and the estimated error of the interpolant."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from symmb._types import Array
+from symmb.bound.adaptive.check_points import FEW_TIMES, SAFETY, inflated_error, screening_points
+from symmb.bound.adaptive.check_rounds import CheckRounds, separable_extremes, spread_over_times
+from symmb.bound.adaptive.continuation import SPARSE_PROBES, SPARSE_RANGE, Continuation, Corrected, extrapolated_sizes
+from symmb.bound.adaptive.error_estimate import TruncationError
+from symmb.bound.adaptive.evidence import Evidence
+from symmb.bound.adaptive.requests import Checks, Nodes, Request, Steps
+from symmb.bound.adaptive.runs import OutputRuns, relative_rms
+from symmb.bound.adaptive.surrogate import EstimatedRange
+from symmb.bound.nodes import Grid, Index
+from symmb.bound.polynomials.ranges import Piecewise
+from symmb.bound.responses import rms
+
+EARLY_CHECK = 5.0
+"""Ratio of the estimated error to the tolerance at which check runs are made. Larger ratios take fewer nodes
+and more check runs."""
+
+
+class OutputProblem:
+    """One output, its interpolant on a sparse grid, and the estimated error of the interpolant.
+
+    Attributes
+    ----------
+    runs : runs of the output
+    tolerance : largest accepted error of the output, divided by its width
+    is_patient : whether runs continue until the budget is used up
+    grid, expansion : the sparse grid and its interpolant
+    sizes : expected sizes of the next coefficients of the grid
+    estimate, error : (n_t, 1) estimated error of the interpolant, and its root mean square over the width
+    errors : errors of smaller grids, by their number of nodes
+    is_brief : whether the output has few times
+    has_corners : whether corners have been run
+    is_stalled : whether the error decreases so slowly that the tolerance would take too many nodes
+    next : indices that the grid gets next
+    found : the last range, with an error above the tolerance; None if there is none
+    """
+
+    def __init__(self, runs: OutputRuns, tolerance: float, is_patient: bool) -> None:
+        self.runs, self.tolerance, self.is_patient, self.grid = runs, tolerance, is_patient, Grid(len(runs.box))
+        self.errors, self.next, self.probes = dict[int, float](), set[Index](), np.empty((0, len(runs.box)))
+        self.is_brief, self.has_corners, self.is_stalled = runs.shape[0] <= FEW_TIMES, False, False
+        self._is_screened = False
+        self.found: EstimatedRange | None = None
+
+    def corners_of(self, found: EstimatedRange) -> Array:
+        """The corners (N, d) next to the extremes of a range, unless corners have been run."""
+        d = len(self.runs.box)
+        if found.places is None or self.has_corners:
+            return np.empty((0, d))
+        return np.unique(np.where(found.places < 0, -1.0, 1.0).reshape(-1, d), axis=0)
+
+    def with_corners(self, found: EstimatedRange) -> EstimatedRange:
+        """A range extended to the extremes of all runs. Runs beyond the estimated error increase this error."""
+        beyond = self.runs.beyond(found.lower - found.estimate, found.upper + found.estimate)
+        return self.extended(found, found.evidence.at_least("beyond", inflated_error(np.square(beyond))))
+
+    def extended(self, found: EstimatedRange, evidence: Evidence) -> EstimatedRange:
+        """A range extended to the extremes of all runs, with other evidence of its error."""
+        lowest, highest = self.runs.extremes
+        lower, upper = np.minimum(found.lower, lowest), np.maximum(found.upper, highest)
+        return found._replace(lower=lower, upper=upper, evidence=evidence)
+
+    def continues(self, found: EstimatedRange) -> bool:
+        """Whether the study continues with runs at all corners, because its error has grown above the tolerance."""
+        is_large = relative_rms(found.estimate, self.runs.rms_widths()) > self.tolerance
+        is_continued = found.is_enough and is_large and not self.has_corners
+        if is_continued:
+            self.has_corners, self.found = True, None
+        return is_continued
+
+    def looked(self) -> Iterator[Request]:
+        """Estimate the error of the interpolant, and verify a small error by further runs."""
+        self._estimate_error()
+        if self.error <= EARLY_CHECK * self.tolerance and not self._is_screened and self.runs.may_hide():
+            self._is_screened, points = True, screening_points(len(self.runs.box))
+            yield Checks(points)
+            self.probes = np.concatenate([self.probes, points])
+            self._estimate_error()
+
+    def corrected(self, has_corners: bool) -> Steps:
+        """The range after check runs at the extremes of the interpolant."""
+        study = self.runs, self.expansion, self.grid, self.sizes, self.estimate, self.tolerance
+        found = yield from CheckRounds(*study, has_corners).steps()
+        of_range = SPARSE_RANGE * self.tolerance * (found.upper - found.lower)
+        return found._replace(evidence=found.evidence.plus("range", of_range))
+
+    def continued(self) -> Piecewise:
+        """The expansion continued through all check runs."""
+        runs, continuation = self.runs, Continuation.of(self.grid, self.sizes)
+        without = Corrected(self.expansion, continuation, runs.points[SPARSE_PROBES:], runs.checks[SPARSE_PROBES:])
+        errors = np.abs(without.values(runs.points[:SPARSE_PROBES]) - runs.checks[:SPARSE_PROBES]).max(axis=0)
+        expansion = Corrected(self.expansion, continuation, runs.points, runs.checks).expansion()
+        for half in (0, 1):  # most check runs are at corners, where polynomials have the largest errors
+            kept = np.arange(len(runs.points)) % 2 == half
+            part = Corrected(self.expansion, continuation, runs.points[kept], runs.checks[kept])
+            left_out = np.abs(part.values(runs.points[~kept]) - runs.checks[~kept])
+            errors = np.maximum(errors, left_out.max(axis=0, initial=0.0))
+        lowest, highest = runs.extremes
+        return Piecewise.whole(expansion, spread_over_times(SAFETY * errors, highest - lowest))
+
+    @property
+    def left(self) -> int:
+        """Number of runs left for nodes."""
+        return self.runs.left - 2 * len(self.runs.box)
+
+    def grown(self, step: set[Index]) -> Iterator[Request]:
+        """The interpolant on the larger grid; the same interpolant if too few runs are left."""
+        n_known, grid = len(self.grid.row), self.grid.grown(step)
+        request = Nodes(grid.nodes[n_known:])
+        yield request
+        if request.are_run:
+            self.grid, self.expansion = grid, self.runs.interpolant(grid)
+
+    def _estimate_error(self) -> None:
+        """Set the expected sizes of the next coefficients of the grid, and the estimated error (n_t, n_y).
+
+        If the error at the first check points is far above the estimate, all next indices may be the cause.
+        """
+        runs, expansion, widths = self.runs, self.expansion, self.runs.rms_widths()
+        sizes = extrapolated_sizes(self.grid, (rms(expansion.coefficients.swapaxes(0, 1)) / widths).max(axis=1))
+        estimate = TruncationError.of(self.grid.alpha, expansion.coefficients, runs.noise).least
+        probes, values = runs.known(self.probes)
+        observed = np.maximum(np.abs(values - expansion.values(probes)).max(axis=0, initial=0.0) - runs.noise, 0.0)
+        if relative_rms(observed, widths) > SAFETY * relative_rms(estimate, widths):
+            estimate = np.maximum(estimate, inflated_error(np.square(observed)))
+            least = relative_rms(observed, widths) / len(sizes) ** 0.5
+            sizes = {index: max(size, least) for index, size in sizes.items()}
+        self.sizes, self.estimate, self.error = sizes, estimate, relative_rms(estimate, widths)
+
+    def polled(self, found: EstimatedRange) -> Steps:
+        """The range, widened by rounds of runs at the extremes of separable quadratics. The rounds end if the range
+        widens little. The error is never smaller than the last increase of the range."""
+        runs, evidence, size = self.runs, found.evidence, np.inf
+        while runs.left and not runs.clock.is_late and size > self.tolerance / 2:
+            yield Checks(separable_extremes(*runs.attained()))
+            gained = runs.beyond(found.lower, found.upper)
+            size = relative_rms(gained, runs.rms_widths())
+            found = self.extended(found, evidence.at_least("gains", SAFETY * gained))
+        error = relative_rms(found.estimate, runs.rms_widths())
+        return found._replace(is_enough=found.is_enough and error <= self.tolerance)
