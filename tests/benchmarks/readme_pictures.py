@@ -13,7 +13,6 @@ import time
 from pathlib import Path
 
 from browser import Browser
-from matplotlib.figure import Figure
 
 import symmb as mb
 
@@ -37,19 +36,8 @@ def page(folder: Path) -> None:
 def comparison(folder: Path) -> None:
     numbers = folder / "out.npz"
     subprocess.run([sys.executable, "-m", "symmb", "compare", "double_pendulum", "--save", numbers], check=True)
-    figure = Figure(INCHES, dpi=200, layout="constrained")
-    above, below = figure.subplots(2, 1, height_ratios=(2, 3))
-    found = mb.Comparison.load(numbers)
-    found.plot(outputs="theta2_dot", ax=above)
-    above.xaxis.label.set_size(8.5)
-    above.yaxis.label.set_size(8.5)
-    above.tick_params(labelsize=8.5)
-    above.get_legend().remove()  # colours are those below
-    found.plot(ax=below)
-    handles, labels = below.get_legend_handles_labels()
-    below.get_legend().remove()
-    figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=8, frameon=False)
-    figure.savefig(folder / "compare.png")
+    figure = mb.Comparison.load(numbers).plot(outputs="theta2_dot", figsize=INCHES)
+    figure.savefig(folder / "compare.png", dpi=200)
 
 
 if __name__ == "__main__":

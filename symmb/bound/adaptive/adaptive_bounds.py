@@ -72,7 +72,7 @@ def adaptive_bounds(
     estimate = evidence.error
     errors = relative_errors(estimate, runs.rms_widths())
     runs.tell("all", evidence.decisive(int(np.argmax(errors))), errors)
-    remarks, doubts = _of_accuracy(runs, tolerance, estimated.is_enough, estimate)
+    remarks, doubts = _of_accuracy(runs, tolerance, estimate)
     lower, upper, estimate = (_scaled(each, power) for each in (lower, upper, estimate))
     bounds = Bounds(
         t=simulator.times,
@@ -134,15 +134,13 @@ def _attained_or_estimated(
     return lower, upper, evidence
 
 
-def _of_accuracy(
-    runs: Runs, tolerance: float, is_enough: bool, estimate: Array
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Warnings if the tolerance was not reached, because the range or the runs are not accurate enough."""
-    if is_enough and (runs.noise <= tolerance * runs.rms_widths()).all():
-        return (), ()
+def _of_accuracy(runs: Runs, tolerance: float, estimate: Array) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Remarks and warnings if the estimated error (n_t, n_y) of an output exceeds the tolerance."""
     error = float(np.max(rms(estimate) / runs.rms_widths(), initial=0.0))
+    if error <= tolerance:
+        return (), ()
     short = _SHORT.format(*apart(tolerance, error))
-    if is_enough or not runs.clock.is_cut:
+    if not runs.clock.is_cut:
         return (short,), ()
     cut = Doubt(_CUT.format(tolerance=tolerance))  # the estimated error shows the effect on each output
     return ((short,), (cut,)) if error > DOUBTFUL else ((short, cut), ())
@@ -187,7 +185,7 @@ _CUT = (
 )
 """The warning if a study had no time to refine the bounds, and its error is far above the tolerance."""
 _SHORT = "The tolerance {} of the method was not reached: the estimated error is {} times the width."
-"""A warning if the runs are too few, or if noise and rounding are too large."""
+"""A remark if the runs are too few, or if noise and rounding are too large."""
 
 
 def _scaled(values: Array, power: Indices) -> Array:

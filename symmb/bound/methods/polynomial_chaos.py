@@ -52,10 +52,11 @@ _Responses = tuple[Array, tuple[Array, Array], Mask, tuple[Failure, ...]]
 class PolynomialChaos(Method):
     """Bounds of a Legendre expansion y(xi) = sum a_i phi_i(xi) fitted to runs at nodes of the box, eq. (20).
 
-    ``PolynomialChaos()`` adds nodes until the estimated error is small enough. For up to three parameters, it uses
-    tensor grids, and check runs at the extremes of the expansion. For one parameter, runs near kinks reduce the error.
-    If the error remains large, the box is divided into parts. For regular oscillations over many periods, polynomials
-    describe the phase and the form of the cycles. For more parameters, each output has check runs and a
+    ``PolynomialChaos()`` adds nodes until the estimated error is small enough. It is a row of small studies; `studies`
+    prints them. Scenes begin with one grid for all outputs, and with runs spread over the box. Up to three parameters
+    have tensor grids, and check runs at the extremes of the expansion. For one parameter, runs near kinks reduce the
+    error. If the error remains large, the box is divided at jumps. For regular oscillations over many periods,
+    polynomials describe the phase and the form of the cycles. For more parameters, each output has check runs and a
     separate sparse grid, which grows where the output varies. If a sparse grid takes too many runs, runs at corners and
     near extremes give the bounds. For simulators that are not scenes, runs at corners come first, because monotonic
     responses have their extremes there. Outputs with at most eight output times use a Gaussian process that finds the

@@ -1,4 +1,4 @@
-"""The picture of a comparison: bounds over time, and error against run time."""
+"""The picture of a comparison: bounds over time, and error against runs and run time."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -47,7 +47,7 @@ def plot_comparison(
     title: str = "",
     style: Style = OWN,
 ) -> Figure:
-    """Draw bounds over time in the upper panels, and the rms error against run time in the lower panel.
+    """Draw bounds over time in the upper panels, and the rms error against runs and against run time below.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def plot_comparison(
     units : n_y units       '' if not known
     chosen : columns        columns of the outputs to draw; default: the outputs with the largest errors
     style : options         axes of the caller, one for each output, for bounds over time; or a single axes for the
-                            errors, if no outputs are chosen. Labels and colours, one for each family
+                            errors against run time, if no outputs are chosen. Labels and colours, one for each family
     """
     families: dict[str, list[PlottedBounds]] = {}
     for curve in curves:
@@ -70,7 +70,7 @@ def plot_comparison(
     if style.ax is not None:
         panels = axes_in(style.owner, style.ax)
         if chosen is None and len(panels) == 1:
-            _draw_errors(panels[0], list(families.values()), measured, uncertainty, style)
+            _draw_errors(panels, list(families.values()), measured, uncertainty, style)
             return root(panels[0])
         shown, own_names, own_units = outputs_of(names, units, chosen)
         figure, panels = panels_over_time(style, t, own_names, own_units)
@@ -89,42 +89,53 @@ def plot_comparison(
     is_part = chosen is None and len(shown) < len(names)
     part = f"the {len(shown)} of {len(names)} outputs with the largest errors" if is_part else ""
     above.suptitle(plain(": ".join(filter(None, [title, part]))), fontsize=10)
-    _draw_errors(below.subplots(), list(families.values()), measured, uncertainty, style)
+    _draw_errors(list(below.subplots(1, 2, sharey=True)), list(families.values()), measured, uncertainty, style)
     return figure
 
 
 def _draw_errors(
-    axes: Axes, families: Sequence[Sequence[PlottedBounds]], measured: Mask, uncertainty: Array, style: Style
+    panels: Sequence[Axes],
+    families: Sequence[Sequence[PlottedBounds]],
+    measured: Mask,
+    uncertainty: Array,
+    style: Style,
 ) -> None:
+    """Draw errors against runs and against run time in two panels; in one panel, only against run time."""
     colours = style.colours([colour_of(group[0].family) for group in families])
     texts = style.labels([group[0].family for group in families])
     known = uncertainty[measured & np.isfinite(uncertainty)]
     floor = max(float(known.mean()) if known.size else 0.0, LEAST_ERROR)
-    axes.set(xscale="log", yscale="log")
-    numbers: list[tuple[float, float, str, str]] = []
-    for k, group in enumerate(families):
-        settings = sorted(group, key=lambda curve: curve.evaluations)
-        errors = [(own, largest_error(own, measured)) for own in settings]
-        points = [(own.seconds, y, own.evaluations) for own, y in errors if y < np.inf and own.seconds > 0]
-        if points:
-            _draw_family(axes, [(x, y) for x, y, _ in points], floor, k, colours[k], texts[k])
-            numbers += [(x, max(y, floor), str(n), colours[k]) for x, y, n in points]
-    if floor > LEAST_ERROR:
-        label = "reference's uncertainty\n(hollow: error not above it)"
-        axes.axhline(floor, color="#6b7280", linewidth=0.9, linestyle=":", label=label)
-    axes.set_xlabel("run time [s], warm; the numbers count runs", fontsize=8.5)
-    axes.set_ylabel("rms error / width, mean over outputs", fontsize=8.5)
-    axes.grid(which="major", color="#e3e7eb", linewidth=0.8)
-    axes.margins(0.06, 0.1)
-    if all(y == floor for _, y, _, _ in numbers):  # default margins are relative to the height, which is 0 here
-        axes.set_autoscaley_on(False)
-        axes.set_ylim(0.1 * floor, 10.0 * floor)
+    settings = [sorted(group, key=lambda curve: curve.evaluations) for group in families]
+    measures = [("run time [s], warm", [[own.seconds for own in group] for group in settings])]
+    if len(panels) > 1:
+        measures.insert(0, ("runs", [[float(own.evaluations) for own in group] for group in settings]))
+    for axes, (label, costs) in zip(panels, measures, strict=True):
+        numbers: list[tuple[float, float, str, str]] = []
+        axes.set(xscale="log", yscale="log")
+        for k, (group, cost) in enumerate(zip(settings, costs, strict=True)):
+            pairs = [(x, largest_error(own, measured), own) for x, own in zip(cost, group, strict=True)]
+            points = [(x, y, own.evaluations) for x, y, own in pairs if y < np.inf and x > 0]
+            if points:
+                _draw_family(axes, [(x, y) for x, y, _ in points], floor, k, colours[k], texts[k])
+                numbers += [(x, max(y, floor), str(n), colours[k]) for x, y, n in points]
+        if floor > LEAST_ERROR:
+            told = "reference's uncertainty\n(hollow: error not above it)"
+            axes.axhline(floor, color="#6b7280", linewidth=0.9, linestyle=":", label=told)
+        axes.set_xlabel(label if len(panels) > 1 else f"{label}; the numbers count runs", fontsize=8.5)
+        axes.grid(which="major", color="#e3e7eb", linewidth=0.8)
+        axes.margins(0.06, 0.1)
+        if all(y == floor for _, y, _, _ in numbers):  # default margins are relative to the height, which is 0 here
+            axes.set_autoscaley_on(False)
+            axes.set_ylim(0.1 * floor, 10.0 * floor)
+        if len(panels) == 1:
+            write_numbers(axes, numbers)
+        style_axes(axes)
+    panels[0].set_ylabel("rms error / width, mean over outputs", fontsize=8.5)
+    axes = panels[-1]
     if style.ax is not None:
         own_legend(axes, style)
     elif style.legend is not False and axes.get_legend_handles_labels()[0]:
         axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), fontsize=8, frameon=False)
-    write_numbers(axes, numbers)
-    style_axes(axes)
 
 
 def _draw_family(
