@@ -7,10 +7,16 @@ from math import comb
 import numpy as np
 
 from symmb._types import Mask
-from symmb.bound.adaptive.check_points import SAFETY, evenly_spread_points, inflated_error, quasi_random_points
+from symmb.bound.adaptive.check_points import (
+    SAFETY,
+    evenly_spread_points,
+    inflated_error,
+    quasi_random_points,
+    screening_points,
+)
 from symmb.bound.adaptive.error_estimate import TruncationError
 from symmb.bound.adaptive.evidence import Evidence
-from symmb.bound.adaptive.runs import TRUST, Runs, relative_errors
+from symmb.bound.adaptive.runs import TRUST, OutputRuns, Runs, relative_errors
 from symmb.bound.adaptive.small_study import JointStudy, Problem
 from symmb.bound.adaptive.surrogate import EstimatedRange
 from symmb.bound.nodes import Grid
@@ -112,7 +118,9 @@ class _Confirmed:
         places = np.stack(at).reshape(2, *runs.shape, d)
         if d > MOST_PARAMETERS:
             corners = np.where(places[:, :, self.is_good] < 0, -1.0, 1.0).reshape(-1, d)
-            runs.check(np.unique(corners, axis=0)[: runs.left])
+            hides = any(OutputRuns(runs, k).may_hide() for k in np.flatnonzero(self.is_good))
+            more = screening_points(d) if hides else np.empty((0, d))
+            runs.check(np.unique(np.concatenate([corners, more]), axis=0)[: runs.left])
             self._look()
         name = "an interpolant on a tensor grid" if d <= MOST_PARAMETERS else "an interpolant on a sparse grid"
         evidence = self.evidence.plus("range", RANGE_ERROR * (upper - lower))
