@@ -88,6 +88,12 @@ class CudaCard(Card):
         except (RuntimeError, OSError, CardError) as error:
             raise CardError(f"There is no graphics card of NVIDIA with a working driver. {error}") from None
 
+    def __eq__(self, other: object) -> bool:
+        return type(self) is type(other)  # all of them are the first card
+
+    def __hash__(self) -> int:
+        return hash(type(self))
+
     def __reduce__(self) -> tuple[Callable[[], "CudaCard"], tuple[()]]:
         return CudaCard, ()
 
