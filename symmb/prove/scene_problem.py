@@ -27,7 +27,7 @@ from symmb.prove.tape import Tape
 from symmb.run.events import kinks
 from symmb.run.formulations import Formulation, program_of
 from symmb.run.linear import CriticalSimulator, ModalSimulator
-from symmb.run.simulation import DAESimulator, simulator_with
+from symmb.run.simulation import DAESimulator, Subject
 
 
 def problem_of(method: object, simulator: Simulator, box: Box) -> Problem:
@@ -188,7 +188,7 @@ def _require_first(method: object, simulator: CriticalSimulator, samples: Array,
 
 def _linear_start(method: object, simulator: ModalSimulator | CriticalSimulator, box: Box) -> LinearStart:
     """The start of a simulator's scene, and the Jacobian there."""
-    runs = simulator_with(simulator.scene, program_of(simulator.scene).solver)
+    runs = Subject(simulator.scene, program_of(simulator.scene).solver).motion
     form, t = _formulation(method, runs, box), float(runs.times[0])
     equations = equations_of(form, runs.scene.system, runs.times[:1])
     return LinearStart(_start(form, equations), equations, form.dae.state_sizes[equations.kept], t)
@@ -325,7 +325,7 @@ def _meeting(simulator: DAESimulator, box: Box) -> str:
     outputs = {f"{e.name}{k}": (e.point_b.r - e.point_a.r)[k] for e in own for k in range(3)}
     times = np.linspace(simulator.times[0], simulator.times[-1], _LOOKS)
     P = middle + np.vstack([np.zeros(len(radius)), np.diag(radius)[radius > 0]])
-    looked = simulator_with(scene.with_outputs(outputs).with_times(times), simulator.solver)
+    looked = Subject(scene.with_outputs(outputs).with_times(times), simulator.solver).motion
     d = looked.run(P).Y.reshape(len(P), _LOOKS, len(own), 3)
     for i, e in product(range(_LOOKS - 1), range(len(own))):
         ways = np.vstack([d[1:, i, e], d[0, i + 1, e]]) - d[0, i, e]

@@ -19,7 +19,7 @@ from symmb.equations.model import Box, Scene, with_some_outputs
 from symmb.results import plot
 from symmb.results.files import NOT_KEPT, Record, Saved, entry
 from symmb.run.integrate import Solver
-from symmb.run.simulation import chosen_parameters, require_own, simulator_with
+from symmb.run.simulation import Subject, chosen_parameters
 from symmb.study.consistent import ConsistentSet, consistent_set, errors_of
 from symmb.study.measurements import OWNER, limits_of, measured_values, noise_of_outputs, priors_of
 from symmb.study.residuals import (
@@ -338,17 +338,15 @@ def calibrate(
     1.5033
     """
     require_truth(OWNER, "robust", robust)
+    solver = Subject.of(scene, solver, owner=OWNER).solver
     is_scene = isinstance(scene, Scene)
-    if not is_scene and not hasattr(scene, "outputs"):
-        raise DeclarationError(f"{OWNER}: expected a Scene or a simulator, got {shown(scene)}.")
     outputs, figures = (scene.output_names, scene.figures) if is_scene else (scene.outputs, ())
     measured = measured_values(scene.times, outputs, figures, data)
     times = np.unique(np.concatenate([scene.times[:1], *(t for t, _ in measured.values())]))
     if is_scene:
         own = scene.curves.with_times(times)
-        simulator = simulator_with(own if own.outputs is None else with_some_outputs(own, [*measured]), solver)
+        simulator = Subject(own if own.outputs is None else with_some_outputs(own, [*measured]), solver).motion
     else:
-        require_own(scene, solver, None, None)
         if len(missing := np.setdiff1d(times, scene.times)):
             raise DeclarationError(f"{OWNER}: {scene!r} has no output at t = {missing[0]:g} s.")
         simulator = scene

@@ -23,7 +23,7 @@ from symmb.bound.responses import parameter_samples
 from symmb.connect import Simulator, StoredSimulator, noise_from_runs
 from symmb.equations.model import Box, Scene
 from symmb.run.integrate import Solver
-from symmb.run.simulation import Device, SceneSimulator, simulator_of
+from symmb.run.simulation import Device, SceneSimulator, Subject
 from symmb.study.comparison_result import Comparison
 from symmb.study.enclosed import ProvedBounds
 from symmb.study.metrics import Yardstick
@@ -105,7 +105,7 @@ def compare(
     if reference is not None and not isinstance(reference, Bounds):
         reference = method_of("compare: reference", reference)
     with kept_interrupts(), shown(progress, "comparing methods") as progress:
-        simulator, box = simulator_of(scene_or_simulator, box, solver, times, outputs, device)
+        simulator, box = Subject.of(scene_or_simulator, solver, times, outputs, device).over(box)
         about: dict[str, Any] = {"scene": repr(simulator), "units": units_of(simulator)}
         if isinstance(simulator, SceneSimulator):
             simulator.prepare()

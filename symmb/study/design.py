@@ -22,7 +22,7 @@ from symmb.bound.propagation import far_intervals
 from symmb.connect import Progress, Simulator
 from symmb.equations.model import Box, Scene, require_only_intervals
 from symmb.run.integrate import Solver
-from symmb.run.simulation import simulator_for, simulator_of
+from symmb.run.simulation import Subject
 from symmb.study.design_search import COST, DesignSearch, Goal, Verified
 from symmb.study.tolerances import Costs, of_outputs, total_cost
 
@@ -194,9 +194,9 @@ def design(
     if ranges.is_cut:
         raise DeclarationError(f"{OWNER}: ranges must be pairs (lower, upper), without choices and constraints.")
     if box is None:
-        simulator = simulator_for(OWNER, scene_or_simulator, solver)
+        simulator = Subject.of(scene_or_simulator, solver, owner=OWNER).simulator
     else:
-        simulator, box = simulator_of(scene_or_simulator, box, solver)
+        simulator, box = Subject.of(scene_or_simulator, solver).over(box)
         require_only_intervals(OWNER, box)
     ranges = ranges.with_units(units_of_parameters(simulator.parameters))
     _require_intervals(simulator, ranges, box)
@@ -215,7 +215,7 @@ def design(
     if not used:
         raise DeclarationError(f"{OWNER}: the objective {_COST!r} needs a limit of an output.")
     with kept_interrupts(), shown_runs(progress, OWNER) as progress:
-        simulator = of_outputs(simulator, ranges if box is None else box, used)
+        simulator = of_outputs(simulator, used)
         columns = {name: k for k, name in enumerate(simulator.outputs)} | ({} if costs is None else {_COST: COST})
         goals, held = [Goal(columns[name], side or "upper") for name, side in asked], list[Goal]()
         for name, (low, high) in pairs.items():

@@ -24,7 +24,7 @@ from symmb.results.files import NOT_KEPT, Record, Saved, attributes, entries, en
 from symmb.run.codegen import compiler_advice, has_compiler
 from symmb.run.formulations import program_of
 from symmb.run.integrate import Stiffness, stiffness
-from symmb.run.simulation import scene_of, simulator_with
+from symmb.run.simulation import Subject, scene_of
 from symmb.run.verification import linear_theory_doubts
 from symmb.study.advice import advice
 from symmb.study.ladders import CONTROLLED, Ladder, finer_steps, ladders, references, under_stress
@@ -326,7 +326,7 @@ def _corners(scene: Scene) -> dict[float, tuple[int, int]]:
     """The number of corners of wider boxes that fail, and the number of all corners."""
     if scene.box is None or len(scene.box) > 8:
         return {}
-    simulator, failures = simulator_with(scene), {}
+    simulator, failures = Subject(scene).motion, {}
     for width in (0.1, 0.2, 0.5):  # half widths, relative to the nominal values
         box = Box.around(scene.system.parameters, width, scene.box.names)
         P = parameter_samples(simulator, box, np.array(list(itertools.product((-1.0, 1.0), repeat=len(box)))))

@@ -23,7 +23,7 @@ from symmb.connect import Progress, Simulator
 from symmb.equations.model import Box, Scene, require_only_intervals, with_some_outputs
 from symmb.results.files import NOT_KEPT, Record, Saved, attributes, entries, entry
 from symmb.run.integrate import Solver
-from symmb.run.simulation import SceneSimulator, motion_of, simulator_of
+from symmb.run.simulation import SceneSimulator, Subject, motion_of
 from symmb.study.tolerance_search import LARGEST_FACTOR, OWNER, TOLERANCE, Search
 from symmb.study.yield_search import ERROR, YieldSearch
 
@@ -239,10 +239,10 @@ def tolerances(
     if laws is not None and yield_ is None:
         raise DeclarationError(f"{OWNER}: laws need a yield, such as yield_=0.9973.")
     with kept_interrupts(), shown_runs(progress, OWNER) as progress:
-        simulator, shape = simulator_of(scene, box, solver)
+        simulator, shape = Subject.of(scene, solver).over(box)
         require_only_intervals("tolerances", shape)
         pairs = limit_pairs(OWNER, limits, simulator.outputs, units_of(simulator))
-        simulator = of_outputs(simulator, shape, [*pairs])
+        simulator = of_outputs(simulator, [*pairs])
         for name in shape.names:
             require_name(OWNER, "parameter", name, simulator.parameters)
         search, chances = Search(simulator, shape, pairs, executor, progress), None
@@ -286,7 +286,7 @@ def _about_idle(names: Sequence[str]) -> tuple[str, ...]:
     return (text,) if names else ()
 
 
-def of_outputs(simulator: Simulator, box: Box, names: Sequence[str]) -> Simulator:
+def of_outputs(simulator: Simulator, names: Sequence[str]) -> Simulator:
     """The simulator of a scene with some of its outputs, because other outputs may need more runs. A black box keeps
     all outputs."""
     if not isinstance(simulator, SceneSimulator) or simulator.scene is None or simulator.scene.outputs is None:
@@ -296,7 +296,7 @@ def of_outputs(simulator: Simulator, box: Box, names: Sequence[str]) -> Simulato
     motion = motion_of(simulator)
     assert motion is not None
     own = with_some_outputs(simulator.scene, names)
-    return simulator_of(own, box, simulator.solver, device=motion.program.card)[0]
+    return Subject(own, simulator.solver, motion.program.card).simulator
 
 
 def total_cost(owner: str, costs: Costs, shape: Box) -> Callable[[Array], float]:

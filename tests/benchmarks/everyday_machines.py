@@ -23,7 +23,7 @@ from _true_ranges import true_range
 import symmb as mb
 from symmb.bound.adaptive import runs as adaptive_runs
 from symmb.bound.responses.time_windows import average_over_window, rms
-from symmb.run.simulation import simulator_of
+from symmb.run.simulation import Subject
 
 MACHINES = MACHINES_A | MACHINES_B
 SILENT = 1e-2
@@ -50,7 +50,7 @@ def kept_truth(folder, name, scene):
     """Lower and upper (n_t, n_y), from the folder if they are there."""
     file = folder / f"{name}.npz"
     if not file.exists():
-        lower, upper, runs = true_range(*simulator_of(scene, None, None))
+        lower, upper, runs = true_range(*Subject.of(scene).over())
         folder.mkdir(parents=True, exist_ok=True)
         np.savez(file, lower=lower, upper=upper, runs=runs)
     data = np.load(file)

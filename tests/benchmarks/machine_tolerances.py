@@ -20,7 +20,7 @@ from scipy.optimize import brentq
 
 import symmb as mb
 from symmb.bound.responses import parameter_samples
-from symmb.run.simulation import simulator_of
+from symmb.run.simulation import Subject
 
 ALLOWED = 1.02
 """A factor may be so many times too small."""
@@ -68,7 +68,8 @@ def solve(scene, truth, rng):
     k, sign = int(rng.integers(len(names))), float(rng.choice([-1, 1]))
     n = len(scene.times)
     times = np.interp(np.arange(PARTS * (n - 1) + 1) / PARTS, np.arange(n), scene.times)
-    simulator, box = simulator_of(scene.with_outputs({names[k]: scene.outputs[names[k]]}).with_times(times), None)
+    own = scene.with_outputs({names[k]: scene.outputs[names[k]]}).with_times(times)
+    simulator, box = Subject.of(own).over()
     nominal = dict(simulator.parameters)
     at_nominal = (sign * simulator.run(np.array([[*nominal.values()]])).Y[0, :, 0]).max()
     reach = (sign * truth[0 if sign < 0 else 1][:, k]).max()

@@ -16,7 +16,7 @@ import scipy.stats as st
 from scipy.stats import qmc
 
 import symmb as mb
-from symmb.run.simulation import simulator_of
+from symmb.run.simulation import Subject
 
 PI = np.pi
 
@@ -274,7 +274,7 @@ def p_boxes(rng):
         bounds, ends = mb.propagate(scene, mb.PolynomialChaos()), dict(scene.box)
         names, free = [*ends][:-2], [*ends][-2:]
         laws = {n: st.norm(sum(ends[n]) / 2, (ends[n][1] - ends[n][0]) / 6) for n in names}
-        simulator, n, inside = simulator_of(scene, None, None)[0], 900, 12
+        simulator, n, inside = Subject.of(scene).simulator, 900, 12
         own = np.random.default_rng(3)
         P = np.tile(np.array([*simulator.parameters.values()], dtype=float), (n, inside, 1))
         for p in names:

@@ -256,7 +256,7 @@ def test_studies_of_prepared_scenes_with_scalar_outputs_run_on_the_card(tmp_path
 
 def test_simulators_of_some_outputs_run_on_the_card(tmp_path):
     card = Processor(tmp_path)
-    own = of_outputs(mb.prepare(falling(), mb.DormandPrince(), device=card), mb.Box(depth=(5.0, 7.0)), ["y"])
+    own = of_outputs(mb.prepare(falling(), mb.DormandPrince(), device=card), ["y"])
     assert tuple(own.outputs) == ("y",) and isinstance(own, mb.DAESimulator) and own.program.card is card
 
 
@@ -379,6 +379,7 @@ def test_the_driver_makes_the_runs(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "cuda.bindings.driver", driver)
     assert CudaCard().architecture == "sm_90"
     card = mb.prepare(lanes.scene, mb.DormandPrince(), device="cuda")
+    assert mb.prepare(lanes.scene, mb.DormandPrince(), device="cuda") is card
     runs = card.run(P)
     assert np.array_equal(runs.Y, lanes.on_card(Processor(tmp_path)).run(P).Y) and not driver.used
     assert np.array_equal(pickle.loads(pickle.dumps(card)).run(P).Y, runs.Y)

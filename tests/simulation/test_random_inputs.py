@@ -10,7 +10,7 @@ from faults import refused, warned
 from machines import ball
 
 import symmb as mb
-from symmb.run.simulation import simulator_for
+from symmb.run.simulation import Subject
 
 STOP, GAP, HALF, SPEED = 3e5, 0.035, 1.3, 20.0
 WINDOW = 1.0, None
@@ -35,7 +35,7 @@ def half_car(box=None, outputs=None, *, step=1 / 60, end=4.0, **options):
 
 
 def averages(scene, solver=None):
-    simulator = simulator_for("", scene, solver)
+    simulator = Subject.of(scene, solver).simulator
     return simulator.run(np.array([[*simulator.parameters.values()]])).Y[0, 0]
 
 
@@ -115,7 +115,7 @@ def test_a_half_car_hits_its_stops_as_often_as_with_fine_spectra():
 def test_bounds_contain_the_averages_of_the_box():
     box = mb.Box(suspension=(20e3, 24e3), damper=(1400, 1800))
     scene = half_car(box, end=2.5, realizations=64)
-    bounds, simulator = mb.propagate(scene), cast(Any, simulator_for("", scene, None))
+    bounds, simulator = mb.propagate(scene), cast(Any, Subject.of(scene).simulator)
     U = np.array([(x, y) for x in (-1, 0.3, 1) for y in (-1, -0.2, 1)])
     P = np.tile([*simulator.parameters.values()], (len(U), 1))
     P[:, [1, 3]] = box.from_unit(U)
@@ -127,7 +127,7 @@ def test_bounds_contain_the_averages_of_the_box():
 
 def test_errors_of_averages_are_those_of_other_roads():
     n = 256
-    simulator = simulator_for("", half_car(end=2.5, realizations=n), None)
+    simulator = Subject.of(half_car(end=2.5, realizations=n)).simulator
     p, rng = [*simulator.parameters.values()], np.random.default_rng(3)
     samples = [np.column_stack([np.tile(p, (n, 1)), rng.integers(0, 2**20, n)]) for _ in range(16)]
     others = [simulator.runs.over_runs(P, n)[0] for P in samples]

@@ -18,7 +18,7 @@ from symmb.connect import Noisy, Progress, RecordedRuns, Simulator
 from symmb.equations.model import Box, Scene
 from symmb.run.formulations import program_of
 from symmb.run.integrate import Solver
-from symmb.run.simulation import Device, SceneSimulator, simulator_of
+from symmb.run.simulation import Device, SceneSimulator, Subject
 
 
 def propagate(
@@ -71,7 +71,7 @@ def propagate(
     """
     method = PolynomialChaos() if method is None else method_of("propagate", method)
     with kept_interrupts(), shown_runs(progress, repr(method), method.unit_of_work) as progress:
-        simulator, box = simulator_of(scene_or_simulator, box, solver, device=device)
+        simulator, box = Subject.of(scene_or_simulator, solver, device=device).over(box)
         if isinstance(simulator, RecordedRuns) and method != PolynomialChaos():
             raise simulator.refusal(f"{method!r}: ")
         far = tuple(far_intervals(simulator, box))

@@ -19,7 +19,7 @@ from symmb.connect import Simulator, noise_from_runs
 from symmb.equations.model import Box, Scene
 from symmb.run.formulations import CardEnsemble
 from symmb.run.integrate import Solver
-from symmb.run.simulation import DAESimulator, FigureSimulator, SceneSimulator, motion_of, simulator_with
+from symmb.run.simulation import DAESimulator, FigureSimulator, SceneSimulator, Subject, motion_of
 
 _FAILED = (
     "{} of {} runs failed: {}. Use a box without failures, or MonteCarlo(n, distributions=...). It omits failed runs."
@@ -76,7 +76,7 @@ class Study:
         simulator = self.simulator
         if isinstance(simulator, SceneSimulator) and simulator.scene is not None:
             is_whole = isinstance(simulator, DAESimulator)
-            return simulator if is_whole else simulator_with(simulator.scene, simulator.solver)
+            return simulator if is_whole else Subject(simulator.scene, simulator.solver).motion
         raise DeclarationError(f"These bounds have no scene, because they are bounds of {self.simulator!r}.")
 
     def extremes(self, names: tuple[str, ...], points: Array) -> Array:

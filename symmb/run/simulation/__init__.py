@@ -10,15 +10,6 @@ from symmb.run.simulation.figure_simulator import FigureSimulator, SceneSimulato
 from symmb.run.simulation.random_simulator import RandomSimulator
 from symmb.run.simulation.sensitivities import Sensitivities, sensitivities
 from symmb.run.simulation.single_run import parameter_values, simulate
-from symmb.run.simulation.subject import (
-    Device,
-    chosen_parameters,
-    prepare,
-    require_own,
-    scene_of,
-    simulator_for,
-    simulator_of,
-    simulator_with,
-)
+from symmb.run.simulation.subject import Device, Subject, chosen_parameters, prepare, scene_of
 from symmb.run.simulation.sweep import Sweep, sweep
 from symmb.run.simulation.trajectory import Trajectory

@@ -15,7 +15,7 @@ from symmb.connect import Jets, Kinked, Simulator
 from symmb.equations.model import Scene
 from symmb.run.integrate import Solver
 from symmb.run.simulation.differences import differences
-from symmb.run.simulation.subject import chosen_parameters, simulator_for
+from symmb.run.simulation.subject import Subject, chosen_parameters
 
 _SIZE, _UNCERTAIN = 0.1, 0.02
 """Direction for differences, divided by the value of the parameter. Largest error of a derivative without a warning,
@@ -46,7 +46,7 @@ class Differentiable:
         times: Sequence[float] | Array | None,
         outputs: Mapping[str, Expr] | None,
     ) -> None:
-        simulator = simulator_for(owner, scene, solver, times, outputs)
+        simulator = Subject.of(scene, solver, times, outputs, owner=owner).simulator
         nominal = dict(simulator.parameters)
         some = chosen_parameters(owner, parameters, nominal)
         self._owner, self._nominal = owner, np.array(list(nominal.values()))

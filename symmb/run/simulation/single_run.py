@@ -3,7 +3,7 @@
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, cast, overload
+from typing import Any, overload
 
 import numpy as np
 
@@ -19,19 +19,12 @@ from symmb.declare.symbolic import evaluated
 from symmb.equations.model import Scene, compile_dae
 from symmb.equations.start import prepare_start
 from symmb.run.formulations import program_of
-from symmb.run.integrate import EventDriven, Solver, solver_of
+from symmb.run.integrate import EventDriven, Solver
 from symmb.run.simulation.dae_simulator import DAESimulator
 from symmb.run.simulation.figure_simulator import FigureSimulator
 from symmb.run.simulation.pilots import PilotRuns, at_tolerances, given_program
 from symmb.run.simulation.run_doubts import SMOOTH, run_doubts
-from symmb.run.simulation.subject import (
-    require_own,
-    scene_of,
-    simulator_for,
-    simulator_with,
-    study_simulator,
-    with_options,
-)
+from symmb.run.simulation.subject import Subject, scene_of
 from symmb.run.simulation.sweep import Sweep, swept
 from symmb.run.simulation.trajectory import Trajectory
 from symmb.run.verification import in_two_ways, other_way
@@ -123,28 +116,25 @@ def simulate(
     >>> float(traj["ball.y"][-1].round(6)), float(traj(ball.x)[-1])
     (-4.905, 2.0)
     """
-    own = scene_of(scene)
-    solver = solver_of(solver)
+    scene_of(scene)  # raises an error for other simulators
+    subject = Subject.of(scene, solver, times, outputs)
     require_truth("simulate", "check", check)
-    prepared = scene if isinstance(scene, DAESimulator) else None
-    if prepared is not None:
-        require_own(prepared, solver, times, outputs)
-    tolerances = _tolerances(rtol, atol, solver is not None or prepared is not None)
-    own = with_options(own, times, outputs)
+    own, solver = subject.scene, subject.solver
+    tolerances = _tolerances(rtol, atol, solver is not None)
     if not isinstance(parameters, Mapping | str | None) and isinstance(parameters, Sequence):
-        return _simulated_side_by_side(prepared or own, solver, parameters, check, tolerances)
+        return _simulated_side_by_side(subject, parameters, check, tolerances)
     if tolerances and own.system.collected.has_events:
         solver = EventDriven(**tolerances)
     values = parameter_values(own, {} if parameters is None else parameters)
     with kept_interrupts(), Progress(f"{own.name}: equations") as progress:
-        if prepared is None:
-            runs = PilotRuns(own, values, *(given_program(own, solver) or (program_of(own), None)))
+        if isinstance(scene, DAESimulator):
+            runs = PilotRuns(own, values, scene.program, scene.reason)
         else:
-            solver, runs = prepared.solver, PilotRuns(own, values, prepared.program, prepared.reason)
+            runs = PilotRuns(own, values, *(given_program(own, solver) or (program_of(own), None)))
         progress(f"{own.name}: running", 0, 0)
         used, trajectory = _simulated(runs, check, tolerances)
         if own.figures:
-            figures = cast(FigureSimulator, study_simulator(own, used if tolerances else solver))
+            figures = Subject(own, used if tolerances else solver).figures
             trajectory = with_figures_of(trajectory, figures, check)
     warn_of(trajectory.doubts, f"{own.name} by {used!r}")
     return trajectory
@@ -162,19 +152,15 @@ def _tolerances(rtol: float | None, atol: float | None, is_chosen: bool) -> dict
 
 
 def _simulated_side_by_side(
-    subject: Scene | DAESimulator,
-    solver: Solver | None,
-    parameters: Sequence[Mapping[str, float]],
-    check: bool,
-    tolerances: Mapping[str, Any],
+    subject: Subject, parameters: Sequence[Mapping[str, float]], check: bool, tolerances: Mapping[str, Any]
 ) -> Sweep:
     if check:
         raise DeclarationError(
             "simulate: check=True applies to a single run, not to a list of parameters. Pass one mapping of parameters."
         )
-    if tolerances and isinstance(subject, Scene):
-        solver = at_tolerances(simulator_with(subject).solver, tolerances)
-    return swept(simulator_for("simulate", subject, solver), parameters, "simulate")
+    if tolerances:
+        subject = replace(subject, solver=at_tolerances(subject.motion.solver, tolerances))
+    return swept(subject.simulator, parameters, "simulate")
 
 
 def _simulated(runs: PilotRuns, check: bool, tolerances: Mapping[str, Any]) -> tuple[Solver, Trajectory]:

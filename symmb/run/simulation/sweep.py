@@ -23,7 +23,7 @@ from symmb.results import plot
 from symmb.results.files import NAMES, NOT_KEPT, TIMES, Record, Saved, entry
 from symmb.run.integrate import Solver
 from symmb.run.simulation.figure_simulator import SceneSimulator
-from symmb.run.simulation.subject import Device, simulator_for
+from symmb.run.simulation.subject import Device, Subject
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -266,7 +266,7 @@ def sweep(
     """
     if not isinstance(values, Mapping) or not values:
         raise DeclarationError(f'sweep: expected values by name, such as {{"l1": [1.0, 1.1]}}, got {shown(values)}.')
-    simulator = simulator_for("sweep", scene, solver, times, outputs, device)
+    simulator = Subject.of(scene, solver, times, outputs, device, "sweep").simulator
     nominal, grid = simulator.parameters, {}
     units = units_of_parameters(nominal)
     for name, some in normal_keys("sweep", values).items():

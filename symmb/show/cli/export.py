@@ -10,7 +10,7 @@ from symmb._errors import DeclarationError, SymmbWarning
 from symmb._progress import Progress
 from symmb.run.codegen import require_compiler
 from symmb.run.formulations import program_of
-from symmb.run.simulation import simulator_with
+from symmb.run.simulation import Subject
 from symmb.show.cli import specs
 from symmb.show.cli.result_path import result_path
 from symmb.show.cli.scene_file import load_scene
@@ -48,7 +48,7 @@ def _codegen(options: argparse.Namespace) -> None:
         if solver is None:  # without pilot runs, nothing is compiled
             solver = mb.EventDriven() if bodies.dae.impacts is not None else mb.DormandPrince()
         try:
-            files |= dict.fromkeys(save_scene_c(simulator_with(scene, solver), folder.resolve()))
+            files |= dict.fromkeys(save_scene_c(Subject(scene, solver).motion, folder.resolve()))
         except DeclarationError as error:
             warnings.warn(SymmbWarning(f"only the equations are written as C, not runs. {error}"), stacklevel=1)
     print(*files, sep="\n")

@@ -19,7 +19,7 @@ from symmb.bound.propagation import Study
 from symmb.bound.responses import SIDES, Sample, parameter_samples, row_of
 from symmb.declare.mechanics import Point
 from symmb.equations.model import Box, require_only_intervals
-from symmb.run.simulation import Sweep, Trajectory, simulate, simulator_with
+from symmb.run.simulation import Subject, Sweep, Trajectory, simulate
 from symmb.show.drawing.draw import draw
 from symmb.show.drawing.shapes import Drawing
 
@@ -182,7 +182,7 @@ def attaining_runs(study: Study, samples: Sequence[Sample]) -> list[Trajectory]:
     system = scene.system
     states = ca.vertsplit(ca.vertcat(system.q, system.v, system.s))
     named = {f"x{i}": x for i, x in enumerate(states)}
-    simulator = simulator_with(scene.with_outputs(named or {"t": 0.0}), solver)
+    simulator = Subject(scene.with_outputs(named or {"t": 0.0}), solver).motion
     runs = []
     for sample in samples:
         x = simulator.run(sample.P).Y[sample.index][:, : len(states)]
@@ -201,7 +201,7 @@ def attaining_runs(study: Study, samples: Sequence[Sample]) -> list[Trajectory]:
 def _region(study: Study, point: Point, drawing: Drawing) -> Region:
     """Positions of a point for samples of the box, and the area that the point covers over time."""
     scene = study.scene.with_outputs({"x": point.x, "y": point.y, "z": point.z})
-    simulator = simulator_with(scene, study.solver)
+    simulator = Subject(scene, study.solver).motion
     d = len(study.box)
     unit = grid(np.linspace(-1, 1, _SAMPLES_PER_PARAMETER), d) if d <= 2 else _many(d)
     ensemble = simulator.run(parameter_samples(simulator, study.box, unit))

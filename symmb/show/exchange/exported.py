@@ -11,7 +11,7 @@ from symmb.equations.model import Scene
 from symmb.run.codegen import FixedStep, SceneSource
 from symmb.run.events import time_switches
 from symmb.run.integrate import CompiledSolver, Task
-from symmb.run.simulation import DAESimulator, scene_of, simulator_with
+from symmb.run.simulation import DAESimulator, Subject, scene_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,10 +50,8 @@ def exported(subject: Scene | DAESimulator) -> Exported:
             f"{scene.name}: output {next(iter(scene.figures))!r} is a scalar output. Exported scenes need outputs "
             "over time. Leave this output out by scene.with_outputs(...)."
         )
-    inputs, simulator = tuple(scene.system.inputs), subject
-    if inputs or not isinstance(simulator, DAESimulator):
-        solver = simulator.solver if isinstance(simulator, DAESimulator) else None
-        simulator = simulator_with(scene.with_inputs(inputs), solver)
+    inputs, own = tuple(scene.system.inputs), Subject.of(subject)
+    simulator = (Subject(scene.with_inputs(inputs), own.solver) if inputs else own).motion
     solver, form = simulator.solver, simulator.formulation
     dae = form.dae
     if not form.y.numel_in(0):

@@ -13,15 +13,7 @@ from symmb.bound.answers import Limits, limit_pairs
 from symmb.bound.methods import possible_values
 from symmb.equations.model import Scene, require_only_intervals
 from symmb.results.plot import labels
-from symmb.run.simulation import (
-    DAESimulator,
-    FigureSimulator,
-    motion_of,
-    scene_of,
-    simulate,
-    simulator_for,
-    simulator_with,
-)
+from symmb.run.simulation import DAESimulator, FigureSimulator, Subject, motion_of, scene_of, simulate
 from symmb.show.drawing import Page, surveyed
 from symmb.show.exchange import exported
 from symmb.show.live.live_page import json_number, page_data, require_page, written
@@ -79,7 +71,7 @@ def live_from(
         raise DeclarationError("live: the scene has no box of tolerances. Give it one by scene.with_box(Box(...)).")
     require_only_intervals("live", own.box)
     pairs = limit_pairs("live", limits, own.output_names, own.units) if limits else {}
-    simulator = simulator_for("live", scene, None)
+    simulator = Subject.of(scene).simulator
     figures, motion = simulator if isinstance(simulator, FigureSimulator) else None, motion_of(simulator)
     others = [name for name, f in own.figures.items() if f.kind in ("rms", "percentile", "psd", "probability")]
     if motion is None or others:
@@ -91,7 +83,7 @@ def live_from(
     curves = dict(zip(motion.outputs, ca.vertsplit(own.curves.y), strict=True))
     outputs = {name: curves.pop(name, ca.SX(0)) for name in own.output_names}  # the page computes scalar outputs
     outputs |= {f"drawing {k} of {own.name}": column for k, column in enumerate(columns)} | curves
-    model = exported(simulator_with(motion.scene.with_outputs(outputs), motion.solver))
+    model = exported(Subject(motion.scene.with_outputs(outputs), motion.solver).motion)
     drawing = replace(drawing, outputs=labels(own.output_names, own.units), values=np.zeros((1, len(own.output_names))))
     names, nominal = list(own.system.parameters), model.source.nominal.tolist()
     units, known = units_of_parameters(own.system.parameters), _possible(motion)
