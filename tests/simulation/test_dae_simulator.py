@@ -211,6 +211,15 @@ def test_equations_are_derived_once_whatever_is_asked(derivations):
     assert derivations == ["rod"]
 
 
+def test_options_are_checked_before_anything_is_derived(derivations):
+    scene = rod()
+    for study in (mb.simulate, mb.sensitivities, mb.compare):
+        refused("each time must be larger", study, scene, times=[1.0, 0.0])
+    refused("is not a Box", mb.propagate, scene, box=3)
+    refused("expected 'cuda' or None", mb.propagate, scene, device="gpu")
+    assert derivations == []
+
+
 def test_prepared_scenes_are_taken_in_the_place_of_scenes(derivations, tmp_path):
     prepared = mb.prepare(rod(), mb.DormandPrince(rtol=1e-9))
     assert prepared is mb.prepare(prepared.scene, mb.DormandPrince(rtol=1e-9))
