@@ -209,7 +209,7 @@ def _nominal_doubts(simulator: DAESimulator) -> tuple[str, ...]:
 def _pulse_doubts(simulator: Simulator, box: Box) -> tuple[str, ...]:
     """A warning if a function of time has a pulse at a corner of the box that is shorter than the solver's steps."""
     motion = motion_of(simulator)
-    if motion is None:
+    if motion is None or not motion.formulation.pulses(motion.times).are_possible:
         return ()
     corners_of_box = parameter_samples(simulator, box, some_corners(len(box), np.random.default_rng(0)))
     P = np.vstack([motion.dae.p_nominal, corners_of_box])

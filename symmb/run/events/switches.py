@@ -156,6 +156,11 @@ class Pulses:
             self._t = np.union1d(np.linspace(times[0], times[-1], _LOOKS + 1), times)
             self._switches = dae.remembered(time_switches, times)
 
+    @property
+    def are_possible(self) -> bool:
+        """Whether there are functions of time that may have pulses."""
+        return self._signals is not None
+
     def __call__(self, P: Array) -> Array:
         """Steps (N,) [s] shorter than every pulse at parameters P (N, n_p); infinite without pulses."""
         if self._signals is None:
