@@ -197,7 +197,8 @@ def test_a_tolerance_that_is_not_reached_is_told(tmp_path, f, noise, method):
     ("f", "d", "n_t", "name"),
     [
         (lambda x, t: np.exp(x[0] * x[1]) * t, 2, 5, "an interpolant on a tensor grid"),
-        (lambda x, t: np.sin(25 * x[0]) * t, 1, 5, r"interpolants on \d+ tensor grids"),
+        (lambda x, t: np.sin(25 * x[0]) * t, 1, 5, "an interpolant on a tensor grid"),
+        (lambda x, t: (x[0] + x[1] / 2 > 0.3) + 0 * t, 2, 5, r"interpolants on \d+ tensor grids"),
         (lambda x, t: (x[0] > 0.3) * t, 1, 5, "runs near kinks"),
         (lambda x, t: sum(x) * t, 5, 40, "runs at corners"),
         (lambda x, t: np.cos(x[0] - x[1] + 3 * t) + x[2] * x[3], 4, 40, "an interpolant on a sparse grid"),

@@ -9,7 +9,7 @@ import numpy as np
 
 from symmb._types import Array
 from symmb.bound.nodes import corners
-from symmb.bound.responses import average_over_window
+from symmb.bound.responses import WINDOW, average_over_window
 
 SAFETY = 2.5
 """Safety factor on measured errors and on the standard deviation of noise, because errors elsewhere may be larger. A
@@ -24,8 +24,10 @@ WORTHWHILE = 0.3
 """An output adds check points to those of other outputs if its weight exceeds this fraction of the largest weight.
 Smaller fractions take more runs."""
 FEW_TIMES = 8
-"""Largest number of times of an output whose runs say little. Such outputs have more check runs, and response surfaces,
-because the extremes of each time require searches."""
+"""Largest number of times of an output with a response surface, because the extremes of each time require searches."""
+FEW_SHAPES, SHAPE_SHARE = 3, 1e-2
+"""Largest number of independent functions of time in an output whose runs say little, and smallest ratio of the size of
+a function to the largest size. Larger values take more check runs. (tests/answers/test_answers.py)"""
 PROBES = 6
 """Number of quasi-random check points. Symmetric responses may be equal at all nodes, because nodes are at the centre,
 the ends and the halves. More points find narrower peaks."""
@@ -140,6 +142,18 @@ def screening_points(d: int) -> Array:
     """
     ends = corners(d) if 2**d <= MOST_CORNERS else screening_corners(d)
     return np.concatenate([ends, quasi_random_points(2 + PROBES, d)[2:]])
+
+
+def has_few_shapes(Y: Array) -> bool:
+    """Whether responses Y (N, n_t, 1) have few independent functions of time beside their mean.
+
+    Values at many times may follow a single function. Such values contain no more information than one number. Some
+    runs and twice as many times suffice.
+    """
+    some = Y[: round(1 / WINDOW), :: max(1, Y.shape[1] // round(2 / WINDOW)), 0]
+    deviations = some - some.mean(axis=0)
+    squares = np.linalg.eigvalsh(deviations @ deviations.T)
+    return int((squares > SHAPE_SHARE**2 * squares[-1]).sum()) <= FEW_SHAPES
 
 
 def inflated_error(squares: Array, safety: float = SAFETY) -> Array:

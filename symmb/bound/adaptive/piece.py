@@ -133,9 +133,10 @@ class Piece:
         """Whether the error comes from events or jumps; for one parameter, also from kinks.
 
         At a jump, most of the change along a line of nodes is between two neighbours. The change of an oscillation
-        that is not resolved, and the change at a kink, are spread over more nodes. An oscillation has many turns.
+        that is not resolved, and the change at a kink, are spread over more nodes. An oscillation has many turns. Parts
+        of the box stay so.
         """
-        if self.event_errors is not None:
+        if self.event_errors is not None or self.inherited is not None:
             return True
         if len(self.half) == 1:
             worst = (self.truncation.directions[0] / self.widths).argmax()

@@ -9,7 +9,7 @@ from symmb._errors import PropagationError
 from symmb._magnitudes import LAST_DIGITS, SAME
 from symmb._names import counted
 from symmb._types import Array, Executor, Indices, Mask
-from symmb.bound.adaptive.check_points import FEW_TIMES, SAFETY, quasi_random_points
+from symmb.bound.adaptive.check_points import SAFETY, has_few_shapes, quasi_random_points
 from symmb.bound.adaptive.clock import Clock
 from symmb.bound.nodes import Grid
 from symmb.bound.polynomials import Expansion, TotalDegree, basis_values
@@ -417,8 +417,9 @@ class OutputRuns:
         return Y if len(found) == len(points) else None
 
     def may_hide(self) -> bool:
-        """Whether a run says little: the output has few times, or is the same in all runs for a time."""
-        return self.shape[0] <= FEW_TIMES or rests_for_a_time(*self.extremes, self.noise)
+        """Whether runs say little: they have few functions of time, or the same value for a time."""
+        nodes = self.nodes / self.rms_widths()
+        return has_few_shapes(nodes) or rests_for_a_time(*self.extremes, self.noise)
 
     def tell(self, study: str, rule: str, error: float) -> None:
         """Report the relative error as progress, and as a step of the trace."""

@@ -126,18 +126,22 @@ def _by_parabolas(bounds: Envelope, limit: KeptLimit) -> float:
     """The largest rise of the bounds between two output times by parabolas; 0 if the rises are small."""
     k = bounds.names.index(limit.output)
     margins = np.maximum([bounds.lower[:, k] - limit.low, limit.high - bounds.upper[:, k]], 0.0)
-    rises = [(_rise(bounds.t, -own), own[1:-1]) for own in margins if np.isfinite(own).all()]
+    error = np.zeros(len(bounds.t)) if bounds.estimate is None else bounds.estimate[:, k]
+    rises = [(_rise(bounds.t, -own, error), own[1:-1]) for own in margins if np.isfinite(own).all()]
     return max((float(rise[rise > own / _RISE_SAFETY].max(initial=0.0)) for rise, own in rises), default=0.0)
 
 
-def _rise(t: Array, y: Array) -> Array:
-    """Rise (n_t - 2,) of parabolas through three neighbouring values above the middle value; 0 without a peak."""
+def _rise(t: Array, y: Array, error: Array) -> Array:
+    """Rise (n_t - 2,) of parabolas through three neighbouring values above the middle value; 0 without a peak.
+
+    Values (n_t,) that differ by less than their errors (n_t,) are no peak, because the output may saturate there.
+    """
     left, right = np.diff(y)[:-1] / np.diff(t)[:-1], np.diff(y)[1:] / np.diff(t)[1:]
     before, after = np.diff(t)[:-1], np.diff(t)[1:]
     with np.errstate(divide="ignore", invalid="ignore"):
         slope = (left * after + right * before) / (before + after)
         rise = slope**2 * (before + after) / (4 * (left - right))
-    least = SAME * np.abs(y).max()
-    flat = np.pad((np.abs(left) * before <= least) & (np.abs(right) * after <= least), 1)  # the output saturates
+    least = np.maximum(SAME * np.abs(y).max(), error[1:-1])
+    flat = np.pad((np.abs(left) * before <= least) & (np.abs(right) * after <= least), 1)
     peaks = (left >= 0) & (right <= 0) & (left > right) & ~(flat[:-2] | flat[1:-1] | flat[2:])
     return np.where(peaks, rise, 0.0)

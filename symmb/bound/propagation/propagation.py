@@ -98,6 +98,8 @@ def finished(method: Method, simulator: Simulator, bounds: Bounds, executor: Exe
 def _finished(method: Method, simulator: Simulator, bounds: Bounds, executor: Executor | None) -> Bounds:
     box = bounds.box
     assert box is not None
+    # These warnings need the nominal run, which also gives the noise.
+    told = doubts_of_runs(simulator, bounds), doubts_of_checks(method, simulator, bounds, executor)
     nominal, own = getattr(simulator, "nominal", None), simulator.parameters
     values = ByName({k: float(v) for k, v in own.items()}, units_of_parameters(own))
     if nominal is None:  # black box: the study may have made this run
@@ -109,5 +111,4 @@ def _finished(method: Method, simulator: Simulator, bounds: Bounds, executor: Ex
     known["solver"] = repr(simulator.solver) if of_scene else ""
     if bounds.noise is None and bounds.estimate is None and isinstance(simulator, Noisy):
         known["noise"] = simulator.noise
-    told = doubts_of_runs(simulator, bounds), doubts_of_checks(method, simulator, bounds, executor)
     return with_doubts(bounds, *told, **known)
