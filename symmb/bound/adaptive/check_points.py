@@ -14,9 +14,6 @@ from symmb.bound.responses import WINDOW, average_over_window
 SAFETY = 2.5
 """Safety factor on measured errors and on the standard deviation of noise, because errors elsewhere may be larger. A
 smaller factor misses more errors. A larger factor takes more runs."""
-FIELD_SAFETY = 1.6
-"""SAFETY for outputs with many times. It is smaller, because check runs show errors at many times. A
-smaller factor takes fewer runs and misses more errors."""
 CANDIDATES = 150
 """Number of extremes from which check points are chosen. It is limited because all pairs are compared. Searches on
 surfaces start from the same number of points. Larger numbers take more time and miss fewer extremes."""

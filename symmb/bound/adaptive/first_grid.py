@@ -16,67 +16,83 @@ from symmb.bound.adaptive.check_points import (
 )
 from symmb.bound.adaptive.error_estimate import TruncationError
 from symmb.bound.adaptive.evidence import Evidence
-from symmb.bound.adaptive.runs import TRUST, OutputRuns, Runs, relative_errors
+from symmb.bound.adaptive.piece import REFINED_SHARE, higher, tensor_grid
+from symmb.bound.adaptive.runs import OutputRuns, Runs, relative_errors
 from symmb.bound.adaptive.small_study import JointStudy, Problem
 from symmb.bound.adaptive.surrogate import EstimatedRange
 from symmb.bound.nodes import Grid
-from symmb.bound.polynomials import Expansion, TensorDegree, TotalDegree, basis_values
+from symmb.bound.polynomials import Expansion, TotalDegree, basis_values
 from symmb.bound.polynomials.ranges import MOST_PARAMETERS, RANGE_ERROR, Piecewise, attained_extremes
 from symmb.bound.responses import is_doubtful, is_doubtful_in_window
+
+FAR = 10.0
+"""Ratio of the error to the tolerance above which degrees increase by two steps. One step halves errors at least."""
 
 
 @dataclass(frozen=True)
 class FirstGrid(JointStudy):
     """One grid for all outputs. A decision takes as long as some runs of a scene, so more runs save time.
 
-    Up to three parameters have a tensor grid, and larger ones if it is not good enough. More parameters have a
-    grid of a total degree.
+    Up to three parameters have a tensor grid, whose degrees increase in the directions with large errors. More
+    parameters have a grid of a total degree.
 
     Attributes
     ----------
-    degrees : degrees along one, two and three parameters, in the order of the grids
-    most_nodes : largest number of nodes for more parameters
+    degrees : first degrees along one, two and three parameters
+    most_nodes : largest number of first nodes for more parameters
     checks : number of further runs, evenly spread over the box
+    operations : largest number of operations of a step's stage at which a run takes less time than a decision: 0.2 ms
+        (971 operations in 462 steps). Above it, degrees are two lower, and the other numbers are halved
+    rounds : largest number of grids. With larger numbers, outputs that are not smooth take more runs
     """
 
-    degrees: tuple[tuple[int, ...], ...] = ((16, 32), (6, 8, 12), (4, 6))
+    degrees: tuple[int, ...] = (16, 6, 4)
     most_nodes: int = 90
     checks: int = 12
+    operations: int = 1000
+    rounds: int = 4
 
     name = "first grid"
     when = "runs of a scene cost less than decisions, and have no events"
 
     def accepts(self, problem: Problem) -> bool:
         runs = problem.runs
-        n = max((len(grid.alpha) for grid in self.grids(len(runs.box))[:1]), default=runs.most)
-        return runs.has_lanes and n + self.checks + runs.probes + 2 * len(runs.box) <= runs.most
-
-    def grids(self, d: int) -> list[Grid]:
-        """The grids in the order of their size; empty for too many parameters."""
-        if d <= MOST_PARAMETERS:
-            return [_grid(d, degree) for degree in self.degrees[d - 1]]
-        degree = max(k for k in range(1, 5) if k == 1 or comb(d + k, d) <= self.most_nodes)
-        return [_grid(d, degree)] if degree > 1 else []
+        return runs.has_lanes and (grid := self._first(runs)) is not None and self._fits(runs, grid)
 
     def ranges(self, problem: Problem) -> tuple[dict[int, EstimatedRange], Mask]:
-        runs, tolerance, nothing = problem.runs, problem.tolerance, ({}, np.zeros(problem.runs.shape[1], dtype=bool))
-        d = len(runs.box)
-        points = evenly_spread_points(self.checks + runs.probes, d)
+        runs, tolerance, d = problem.runs, problem.tolerance, len(problem.runs.box)
+        checks = self.checks if runs.cost_little(self.operations) else self.checks // 2
+        points = evenly_spread_points(checks + runs.probes, d)
         if d > MOST_PARAMETERS:  # most of the box is near corners, where sparse grids have their largest errors
-            points[1 : self.checks : 2] = quasi_random_points(self.checks // 2, d)
-        for grid in self.grids(d):
-            if len(grid.alpha) + len(points) + 2 * d > runs.most:
+            points[1:checks:2] = quasi_random_points(checks // 2, d)
+        grid = self._first(runs)
+        for left in reversed(range(self.rounds)):
+            if grid is None or not self._fits(runs, grid):
                 break
             rows = runs.at(grid.nodes) if len(runs) else runs.begin(grid.nodes, points)
             if runs.events is not None or not runs.ok.all():
                 break
             runs.first = grid
-            expansion = runs.interpolant(grid, rows)
-            found = _Confirmed(runs, expansion, tolerance)
-            if found.is_good.all() or (grid is self.grids(d)[-1] and found.is_good.any()):
+            found = _Confirmed(runs, runs.interpolant(grid, rows), tolerance)
+            is_done = found.is_good.all()
+            grid = found.refined() if left and d <= MOST_PARAMETERS and not is_done else None
+            if is_done or (grid is None and found.is_good.any()):
                 every, is_good = found.range()
                 return every.columns(is_good), is_good
-        return nothing
+        return {}, np.zeros(runs.shape[1], dtype=bool)
+
+    def _first(self, runs: Runs) -> Grid | None:
+        """The first grid; None for too many parameters."""
+        d, is_cheap = len(runs.box), runs.cost_little(self.operations)
+        if d <= MOST_PARAMETERS:
+            return tensor_grid(*d * [self.degrees[d - 1] - (0 if is_cheap else 2)])
+        most = self.most_nodes if is_cheap else self.most_nodes // 2
+        degree = max(k for k in range(1, 5) if k == 1 or comb(d + k, d) <= most)
+        return _total_grid(d, degree) if degree > 1 else None
+
+    def _fits(self, runs: Runs, grid: Grid) -> bool:
+        """Whether the budget suffices for a grid and its check runs."""
+        return len(grid.alpha) + self.checks + runs.probes + 2 * len(runs.box) <= runs.most
 
 
 class _Confirmed:
@@ -90,7 +106,6 @@ class _Confirmed:
 
     def __init__(self, runs: Runs, expansion: Expansion, tolerance: float) -> None:
         self._runs, self._expansion, self._tolerance = runs, expansion, tolerance
-        self._truncation = TRUST * TruncationError.of(expansion.alpha, expansion.coefficients, runs.noise).least
         self._look()
 
     def _look(self) -> None:
@@ -100,12 +115,22 @@ class _Confirmed:
         residuals = runs.checks.reshape(len(runs.checks), -1) - basis_values(own.alpha, runs.points) @ C
         squares = np.square(residuals, out=residuals).max(axis=0).reshape(runs.shape)
         self._squares = np.maximum(squares - np.square(runs.noise), 0.0)
-        self.evidence = Evidence.of("check runs", inflated_error(self._squares)).at_least("decay", self._truncation)
+        self.evidence = Evidence.of("check runs", inflated_error(self._squares))
         low, high = runs.extremes
         doubtful = [of(self.evidence.error, high - low, runs.noise) for of in (is_doubtful, is_doubtful_in_window)]
         errors = relative_errors(self.evidence.error, runs.rms_widths())
         runs.tell("first grid", self.evidence.decisive(int(np.argmax(errors))), errors)
         self.is_good: Mask = (errors + RANGE_ERROR <= self._tolerance) & ~np.any(doubtful, axis=(0, 1))
+
+    def refined(self) -> Grid:
+        """The tensor grid with higher degrees in the directions of large errors. Far from the tolerance, by two."""
+        widths = np.where(self.is_good, np.inf, self._runs.rms_widths())
+        own = self._expansion
+        truncation = TruncationError.of(own.alpha, own.coefficients, self._runs.noise)
+        errors, degrees = relative_errors(truncation.directions, widths).max(axis=1), own.alpha.max(axis=0)
+        is_far = relative_errors(self.evidence.error, widths).max() > FAR * self._tolerance
+        new = higher(higher(degrees)) if is_far else higher(degrees)
+        return tensor_grid(*np.where(errors >= REFINED_SHARE * errors.max(), new, degrees).tolist())
 
     def range(self) -> tuple[EstimatedRange, Mask]:
         """The range, and the mask of good outputs.
@@ -118,7 +143,7 @@ class _Confirmed:
         places = np.stack(at).reshape(2, *runs.shape, d)
         if d > MOST_PARAMETERS:
             corners = np.where(places[:, :, self.is_good] < 0, -1.0, 1.0).reshape(-1, d)
-            hides = any(OutputRuns(runs, k).may_hide() for k in np.flatnonzero(self.is_good))
+            hides = any(OutputRuns(runs, k).may_hide() for k in np.flatnonzero(self.is_good).tolist())
             more = screening_points(d) if hides else np.empty((0, d))
             runs.check(np.unique(np.concatenate([corners, more]), axis=0)[: runs.left])
             self._look()
@@ -132,9 +157,8 @@ class _Confirmed:
 
 
 @cache
-def _grid(d: int, degree: int) -> Grid:
-    """The grid of a degree along each of few parameters, or of a total degree of more parameters."""
-    basis = TensorDegree() if d <= MOST_PARAMETERS else TotalDegree()
+def _total_grid(d: int, degree: int) -> Grid:
+    """The grid of a total degree."""
     grid = Grid(d)
-    grid.add(grid.missing(map(tuple, basis.indices(d, degree).tolist())))
+    grid.add(grid.missing(map(tuple, TotalDegree().indices(d, degree).tolist())))
     return grid

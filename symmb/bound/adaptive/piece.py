@@ -39,7 +39,7 @@ def nodes_of(part: Part) -> Array:
     return centre + half * tensor_grid(*degrees.tolist()).nodes
 
 
-def _higher(degrees: Indices) -> Indices:
+def higher(degrees: Indices) -> Indices:
     """The next degree of 2, 4, 6, 8, 12, 16, 24, ..., up to the highest degree."""
     power = 1 << np.array([int(k).bit_length() - 1 for k in degrees])
     step = np.where(degrees > power, 2 * power - degrees, np.maximum(power // 2, 2))
@@ -240,8 +240,8 @@ class Piece:
         rough = self.rough_direction
         if rough is None or not self._is_halved():
             is_large = self._direction_errors >= REFINED_SHARE * self._direction_errors.max()
-            higher = np.where(is_large, _higher(degrees), degrees)
-            return [(self.centre, self.half, higher)] if (higher > degrees).any() else []
+            next_degrees = np.where(is_large, higher(degrees), degrees)
+            return [(self.centre, self.half, next_degrees)] if (next_degrees > degrees).any() else []
         if self.half[rough] < RANGE_ERROR:  # narrower pieces do not change the range
             return []
         is_along = np.arange(len(degrees)) == rough

@@ -26,7 +26,7 @@ from symmb.bound.responses import (
 )
 from symmb.connect import Progress, Simulator, noise_from_runs, note_attained, run_blocks
 from symmb.equations.model import Box
-from symmb.run.simulation import SceneSimulator
+from symmb.run.simulation import SceneSimulator, motion_of
 
 TRUST = 0.6
 """Smallest ratio of an interpolant's error after check runs to the earlier estimate. The error of a surface's extremes
@@ -118,6 +118,11 @@ class Runs:
     def has_lanes(self) -> bool:
         """Whether the simulator runs samples side by side, so that runs cost little."""
         return isinstance(self.simulator, SceneSimulator)
+
+    def cost_little(self, most_operations: int) -> bool:
+        """Whether a run takes less time than a decision: an average over random inputs does not, nor a large scene."""
+        motion = motion_of(self.simulator)
+        return motion is not None and motion.formulation.operations <= most_operations
 
     @property
     def left(self) -> int:
