@@ -13,7 +13,7 @@ from _engineering import cases, monotone_series
 from black_boxes import black_box_bounds, quietly, unit_bounds
 
 import symmb as mb
-from symmb.bound.adaptive.output_problem import OutputProblem
+from symmb.bound.adaptive.outputs import OutputProblem
 from symmb.bound.adaptive.sparse_grid import SparseGrid
 
 T = np.linspace(0.0, 5.0, 11)

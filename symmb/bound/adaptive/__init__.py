@@ -9,18 +9,18 @@ the tolerance, otherwise the range with the smallest error.
 
 first_grid         scenes: one grid for all outputs, and runs spread over the box
 oscillations       polynomials of phase and waveform of oscillations over many periods
-tensor_grids       up to three parameters: refined grids on pieces (`piece`), kinks (`secants`), events (`bisection`)
-many_parameters    a row for each output: `sparse_grid`, corners (`monotone`), `response_surface`, `near_extremes`
+tensor_grids       up to three parameters: refined grids on pieces (`piece`), kinks and events between runs (`secants`)
+outputs            a row for each output: `sparse_grid`, corners (`monotone`), `response_surface`, runs near extremes
 
-small_study        the base of small studies, and what they share; `output_problem` for a single output
+small_study        the base of small studies, and the runs that they ask for
+surrogate          the range of a surrogate, and the evidence of its error
 runs               all runs of a study, and measures of errors; `clock` ends a study that takes too long
-requests           runs that studies of outputs ask for; each round makes the runs of all requests
 check_points       points of check runs; `inflated_error` widens an estimate by the errors of these runs
 error_estimate     the truncation error of an interpolant, and its error at events: the first estimate
 check_rounds       rounds of runs near extremes; the gains of these runs give the error. `continuation` corrects grids
 
 `error_estimate` sets the estimated error of an output at a time. Check runs increase this error. `adaptive_bounds`
-increases it again: to the distance of runs beyond the range, to the noise, and near failed runs. `evidence` keeps the
+increases it again: to the distance of runs beyond the range, to the noise, and near failed runs. `Evidence` keeps the
 error with the name of the rule that decides it; `bounds.trace` lists the rules. `bounds_of` then limits all bounds to
 the values that an output can have.
 """

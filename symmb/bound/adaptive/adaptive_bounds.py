@@ -11,11 +11,10 @@ from symmb._table import apart
 from symmb._types import Array, Executor, Indices, Mask
 from symmb.bound.adaptive.check_points import SAFETY
 from symmb.bound.adaptive.clock import Clock
-from symmb.bound.adaptive.evidence import Evidence
 from symmb.bound.adaptive.runs import UNKNOWN_SHARE, OutgrownError, Runs, relative_errors
 from symmb.bound.adaptive.small_study import Problem
 from symmb.bound.adaptive.studies import decided
-from symmb.bound.adaptive.surrogate import EstimatedRange
+from symmb.bound.adaptive.surrogate import EstimatedRange, Evidence
 from symmb.bound.answers import Bounds
 from symmb.bound.polynomials import Expansion
 from symmb.bound.polynomials.ranges import MOST_PARAMETERS

@@ -153,9 +153,9 @@ def has_few_shapes(Y: Array) -> bool:
     return int((squares > SHAPE_SHARE**2 * squares[-1]).sum()) <= FEW_SHAPES
 
 
-def inflated_error(squares: Array, safety: float = SAFETY) -> Array:
-    """Expected errors (n_t, n_y) at other points, from the largest squared errors at check runs and a factor.
+def inflated_error(squares: Array) -> Array:
+    """Expected errors (n_t, n_y) at other points, from the largest squared errors at check runs.
 
     Errors are averaged over a window, but are at least the errors of check runs, because pulses may be short.
     """
-    return np.sqrt(np.maximum(safety**2 * average_over_window(squares), squares))
+    return np.sqrt(np.maximum(SAFETY**2 * average_over_window(squares), squares))

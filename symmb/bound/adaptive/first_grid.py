@@ -15,11 +15,10 @@ from symmb.bound.adaptive.check_points import (
     screening_points,
 )
 from symmb.bound.adaptive.error_estimate import TruncationError
-from symmb.bound.adaptive.evidence import Evidence
 from symmb.bound.adaptive.piece import REFINED_SHARE, higher, tensor_grid
 from symmb.bound.adaptive.runs import OutputRuns, Runs, relative_errors
 from symmb.bound.adaptive.small_study import JointStudy, Problem
-from symmb.bound.adaptive.surrogate import EstimatedRange
+from symmb.bound.adaptive.surrogate import EstimatedRange, Evidence
 from symmb.bound.nodes import Grid
 from symmb.bound.polynomials import Expansion, TotalDegree, basis_values
 from symmb.bound.polynomials.ranges import MOST_PARAMETERS, RANGE_ERROR, Piecewise, attained_extremes

@@ -7,12 +7,10 @@ import numpy as np
 
 from symmb._types import Array, Indices
 from symmb.bound.adaptive.check_points import PATIENCE, SAFETY, screening_points
-from symmb.bound.adaptive.evidence import Evidence
-from symmb.bound.adaptive.output_problem import OutputProblem
-from symmb.bound.adaptive.requests import Attempt, Checks, Noise, Request
+from symmb.bound.adaptive.outputs import OutputProblem
 from symmb.bound.adaptive.runs import OutputRuns, relative_rms
-from symmb.bound.adaptive.small_study import OutputStudy
-from symmb.bound.adaptive.surrogate import EstimatedRange
+from symmb.bound.adaptive.small_study import Attempt, Checks, Noise, OutputStudy, Request
+from symmb.bound.adaptive.surrogate import EstimatedRange, Evidence
 from symmb.bound.nodes import corners
 from symmb.bound.responses import LEAST_WIDTH, rms
 

@@ -14,10 +14,9 @@ import numpy as np
 
 from symmb._types import Array, Indices, Mask
 from symmb.bound.adaptive.check_points import PROBES, SAFETY, corner_design, evenly_spread_points
-from symmb.bound.adaptive.evidence import Evidence
 from symmb.bound.adaptive.runs import Runs, relative_rms
 from symmb.bound.adaptive.small_study import WAVEFORMS, JointStudy, Problem
-from symmb.bound.adaptive.surrogate import EstimatedRange
+from symmb.bound.adaptive.surrogate import EstimatedRange, Evidence
 from symmb.bound.adaptive.tensor_grids import is_resolved
 from symmb.bound.nodes import Grid, along_axes
 from symmb.bound.polynomials import MultiIndices, TotalDegree, basis_values

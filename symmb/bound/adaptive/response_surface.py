@@ -15,12 +15,10 @@ from symmb._magnitudes import SAME
 from symmb._types import Array, Mask
 from symmb.bound.adaptive.check_points import FEW_TIMES, PATIENCE, SAFETY, quasi_random_points, screening_corners
 from symmb.bound.adaptive.continuation import extrapolated_sizes, largest
-from symmb.bound.adaptive.evidence import Evidence
-from symmb.bound.adaptive.output_problem import OutputProblem
-from symmb.bound.adaptive.requests import Attempt, Checks, Noise, Steps
+from symmb.bound.adaptive.outputs import OutputProblem
 from symmb.bound.adaptive.runs import CHEAP_RUNS, TRUST, OutputRuns
-from symmb.bound.adaptive.small_study import OutputStudy
-from symmb.bound.adaptive.surrogate import EstimatedRange
+from symmb.bound.adaptive.small_study import Attempt, Checks, Noise, OutputStudy, Steps
+from symmb.bound.adaptive.surrogate import EstimatedRange, Evidence
 from symmb.bound.nodes import Grid, along_axes
 from symmb.bound.polynomials import Expansion
 from symmb.bound.polynomials.ranges import Piecewise

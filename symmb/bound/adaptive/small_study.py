@@ -1,4 +1,4 @@
-"""The base of small studies. A study with PolynomialChaos() is a row of them."""
+"""The base of small studies, and the runs that they ask for. A study with PolynomialChaos() is a row of them."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, fields
@@ -7,12 +7,50 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from symmb._types import Mask
-from symmb.bound.adaptive.requests import Attempt
 from symmb.bound.adaptive.runs import Runs, relative_errors
 from symmb.bound.adaptive.surrogate import EstimatedRange
 
 if TYPE_CHECKING:
-    from symmb.bound.adaptive.output_problem import OutputProblem
+    from symmb.bound.adaptive.outputs import OutputProblem
+
+from collections.abc import Generator
+
+from symmb._types import Array
+
+
+@dataclass
+class Nodes:
+    """Runs at new nodes (N, d). If too few runs are left for all nodes, no node is run."""
+
+    points: Array
+    are_run: bool = False
+
+
+@dataclass
+class Checks:
+    """Check runs at points (C, d), at most as many as are left."""
+
+    points: Array
+
+
+@dataclass
+class Places:
+    """Check runs at some of the places (2, n_t, n_y, d) with large weights (2, n_t, n_y)."""
+
+    places: Array
+    weights: Array
+
+
+@dataclass
+class Noise:
+    """A measurement of the noise of runs."""
+
+
+Request = Nodes | Checks | Places | Noise
+Steps = Generator[Request, None, EstimatedRange]
+"""A study of an output, which requests runs and returns the range."""
+Attempt = Generator[Request, None, EstimatedRange | None]
+"""A small study of an output, which returns None if the next small study continues."""
 
 
 WAVEFORMS = "waveforms of a phase"

@@ -1,4 +1,4 @@
-"""A sparse grid of one output, which grows by the indices with the largest expected coefficients."""
+"""A sparse grid of one output, which grows by the largest expected coefficients, and runs near extremes after it."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -7,11 +7,10 @@ import numpy as np
 
 from symmb.bound.adaptive.check_points import PATIENCE, corner_design, evenly_spread_points, quasi_random_points
 from symmb.bound.adaptive.continuation import SPARSE_PROBES, largest
-from symmb.bound.adaptive.output_problem import EARLY_CHECK, OutputProblem
-from symmb.bound.adaptive.requests import Attempt, Checks, Noise, Request
+from symmb.bound.adaptive.outputs import EARLY_CHECK, OutputProblem
 from symmb.bound.adaptive.runs import NOISE_RUNS, relative_rms
-from symmb.bound.adaptive.small_study import OutputStudy
-from symmb.bound.nodes import along_axes
+from symmb.bound.adaptive.small_study import Attempt, Checks, Noise, OutputStudy, Request
+from symmb.bound.nodes import along_axes, corners
 
 
 @dataclass(frozen=True)
@@ -103,3 +102,42 @@ class SparseGrid(OutputStudy):
         factor = problem.error / min((error for n, error in problem.errors.items() if 2 * n <= nodes), default=np.inf)
         most = problem.runs.left + nodes if problem.is_patient else 2 * PATIENCE * d
         return factor >= 1 or np.log(problem.tolerance / problem.error) / np.log(factor) > np.log2(most / nodes)
+
+
+@dataclass(frozen=True)
+class NearExtremes(OutputStudy):
+    """Rounds of check runs near the extremes. They end if the error is within the tolerance, or decreases slowly.
+
+    Even without convergence, the interpolant shows where extremes may be. If runs are computed side by side, earlier
+    studies have made these runs.
+
+    Attributes
+    ----------
+    gain : fraction of the error that may remain after a round. Larger fractions take more runs
+    """
+
+    gain: float = 0.9
+
+    name = "runs near extremes"
+    when = "no other study has decided the output"
+
+    def accepts(self, problem: OutputProblem) -> bool:
+        return problem.found is not None
+
+    def steps(self, problem: OutputProblem) -> Attempt:
+        found = problem.found
+        assert found is not None
+        if problem.runs.has_lanes:
+            return found
+        runs, tolerance, d = problem.runs, problem.tolerance, len(problem.runs.box)
+        number = runs.left if problem.is_patient else len(runs) // 2
+        spread = quasi_random_points(SPARSE_PROBES + number // 2, d)[SPARSE_PROBES:]
+        yield Checks(np.concatenate([spread, np.sign(spread)]) if 2**d > number else corners(d))
+        error = relative_rms(found.estimate, runs.rms_widths())
+        while runs.left and not runs.clock.is_late:
+            before = error
+            found = yield from problem.corrected(True)
+            error = relative_rms(found.estimate, runs.rms_widths())
+            if error <= tolerance or error >= self.gain * before:
+                break
+        return (yield from problem.polled(found._replace(is_enough=error <= tolerance)))

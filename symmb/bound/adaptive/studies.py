@@ -2,13 +2,12 @@
 
 from symmb._threads import one_thread
 from symmb.bound.adaptive.first_grid import FirstGrid
-from symmb.bound.adaptive.many_parameters import PerOutput
 from symmb.bound.adaptive.monotone import Corners
-from symmb.bound.adaptive.near_extremes import NearExtremes
 from symmb.bound.adaptive.oscillations import Waveforms
+from symmb.bound.adaptive.outputs import PerOutput
 from symmb.bound.adaptive.response_surface import ResponseSurface
 from symmb.bound.adaptive.small_study import JointStudy, Problem, Studies
-from symmb.bound.adaptive.sparse_grid import SparseGrid
+from symmb.bound.adaptive.sparse_grid import NearExtremes, SparseGrid
 from symmb.bound.adaptive.surrogate import EstimatedRange
 from symmb.bound.adaptive.tensor_grids import TensorGrids
 

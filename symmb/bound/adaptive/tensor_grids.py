@@ -8,7 +8,6 @@ import numpy as np
 
 from symmb._magnitudes import SAME
 from symmb._types import Array, Indices, Mask
-from symmb.bound.adaptive.bisection import bisected_range
 from symmb.bound.adaptive.check_points import (
     PATIENCE,
     PROBES,
@@ -18,12 +17,11 @@ from symmb.bound.adaptive.check_points import (
     quasi_random_points,
     select_dispersed,
 )
-from symmb.bound.adaptive.evidence import Evidence
 from symmb.bound.adaptive.piece import JUDGED_DEGREE, Part, Piece, nodes_of
 from symmb.bound.adaptive.runs import CHEAP_RUNS, NOISE_RUNS, TRUST, Runs, relative_errors, relative_rms
-from symmb.bound.adaptive.secants import secant_extremes
+from symmb.bound.adaptive.secants import bisected_range, secant_extremes
 from symmb.bound.adaptive.small_study import JointStudy, Problem
-from symmb.bound.adaptive.surrogate import EstimatedRange
+from symmb.bound.adaptive.surrogate import EstimatedRange, Evidence
 from symmb.bound.polynomials.ranges import MOST_PARAMETERS, RANGE_ERROR, Piecewise
 from symmb.bound.responses import DOUBTFUL, is_doubtful, is_doubtful_in_window
 
