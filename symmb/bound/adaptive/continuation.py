@@ -8,7 +8,7 @@ import numpy as np
 from scipy.linalg import cho_solve, solve_triangular
 
 from symmb._limits import windows
-from symmb._types import Array
+from symmb._types import Array, Indices
 from symmb.bound.nodes import Grid, Index, below
 from symmb.bound.polynomials import Expansion, MultiIndices, basis_values
 from symmb.bound.polynomials.ranges import RANGE_WORK, Exact
@@ -129,15 +129,15 @@ class Corrected:
         places = places.round(1)
         flat, errors = places.reshape(-1, places.shape[-1]), np.empty(places.shape[:-1])
         for window in windows(len(flat), places.shape[-1]):
-            different, which = np.unique(flat[window], axis=0, return_inverse=True)
-            there = self.continuation.free(self.base.alpha, different).T
+            first, which = _equal_rows(flat[window])
+            there = self.continuation.free(self.base.alpha, flat[window][first]).T
             half = self._free @ there if self._has_few else there
             squares = np.square(solve_triangular(self._factor, half, lower=True)).sum(axis=0)
             if self._has_few:
                 squares = np.maximum(np.square(there).sum(axis=0) - squares, 0.0)
             else:
                 squares *= self.continuation.noise
-            errors.reshape(-1)[window] = np.sqrt(squares)[which.ravel()]
+            errors.reshape(-1)[window] = np.sqrt(squares)[which]
         return errors
 
     @cached_property
@@ -188,3 +188,12 @@ class Corrected:
         names = "lower", "upper", "at_lower", "at_upper"
         lower, upper, *places = (np.concatenate([getattr(each, name) for each in found]) for name in names)
         return lower.reshape(shape), upper.reshape(shape), np.stack(places).reshape(2, *shape, -1)
+
+
+def _equal_rows(places: Array) -> tuple[Indices, Indices]:
+    """Numbers (k,) of the first of equal places (n, d), which are multiples of 0.1, and for each place one of the k."""
+    weights = 21.0 ** np.arange(places.shape[1])  # digits of a number: random digits for so many that rounding counts
+    if places.shape[1] > 12:
+        weights = np.random.default_rng(0).uniform(size=places.shape[1])
+    _, first, which = np.unique((10 * places).round() @ weights, return_index=True, return_inverse=True)
+    return first, which

@@ -1,0 +1,121 @@
+"""The row of small studies: what it prints, what each study decides, and that a tolerance holds or is told."""
+
+import math
+
+import numpy as np
+import pytest
+from black_boxes import black_box, black_box_bounds, quietly, rms
+from faults import refused
+from machines import pendulum, spring_mass
+
+import symmb as mb
+from symmb.bound.adaptive.clock import Clock
+from symmb.bound.adaptive.first_grid import FirstGrid
+from symmb.bound.adaptive.runs import Runs
+from symmb.bound.adaptive.small_study import Problem
+from symmb.bound.adaptive.studies import ROW, STUDIES, decided
+from symmb.run.simulation import Subject
+
+T = np.linspace(0.0, 2.0, 61)
+
+
+def problem(simulator, box, tolerance=1e-2, most=5000):
+    return Problem(Runs(simulator, box, most, None, None, Clock(None)), tolerance, is_patient=False)
+
+
+def swing(**box):
+    machine = pendulum(angle=0.5)
+    scene = machine.scene("theta omega", T, {"rod.theta": machine.p.angle}, box=mb.Box(**box))
+    return Subject.of(scene).over()
+
+
+def test_the_row_says_when_each_study_is_used():
+    text = str(mb.PolynomialChaos().studies)
+    assert [line.split(",")[0] for line in text.splitlines() if line[0] != " "] == [
+        f"{k}. {study.name}" for k, study in enumerate(STUDIES, 1)
+    ]
+    assert "1. first grid, if runs of a scene cost less than decisions" in text and "checks 12" in text
+    refused("has one grid", lambda: mb.PolynomialChaos(order=3).studies)
+
+
+@pytest.mark.parametrize("study", STUDIES, ids=lambda study: study.name)
+def test_numbers_of_a_study_cannot_be_changed(study):
+    with pytest.raises(AttributeError):
+        study.name = "other"
+
+
+@pytest.mark.parametrize("box", [{"angle": (0.4, 0.6)}, {"angle": (0.4, 0.6), "length": (0.9, 1.1)}], ids=len)
+def test_a_first_grid_decides_smooth_outputs_alone(box):
+    own = problem(*swing(**box))
+    assert FirstGrid().accepts(own)
+    ranges, is_decided = FirstGrid().ranges(own)
+    assert is_decided.all() and sorted(ranges) == [0, 1]
+    simulator, whole = swing(**box)
+    true = mb.propagate(simulator, mb.Scanning(25), whole)
+    for k, found in ranges.items():
+        width = rms(true.upper[:, k] - true.lower[:, k])
+        errors = np.maximum(true.lower[:, k] - found.upper[:, 0], found.lower[:, 0] - true.lower[:, k])
+        assert errors.max() <= 1e-2 * width and rms(found.estimate) <= 1e-2 * width
+
+
+def test_a_first_grid_needs_side_by_side_runs_and_a_budget():
+    assert not FirstGrid().accepts(problem(*black_box(lambda a, b: a * b, a=(0, 1), b=(0, 1))))
+    assert not FirstGrid().accepts(problem(*swing(angle=(0.4, 0.6)), most=10))
+
+
+def test_outputs_that_a_study_decides_are_left_to_no_other():
+    own = problem(*swing(angle=(0.4, 0.6)))
+    found = decided(own)
+    assert not own.open.any() and found.lower.shape == (len(T), 2)
+    assert len(own.runs) == len(ROW[0]._first(own.runs).alpha) + ROW[0].checks
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_an_unresolved_oscillation_is_not_halved(seed):
+    rng = np.random.default_rng(seed)
+    rate, phase = rng.uniform(15, 25), rng.uniform(0, 6)
+    bounds = black_box_bounds(lambda x: math.sin(rate * x + phase), x=(-1, 1))
+    assert bounds.evaluations <= 80 and np.abs([bounds.lower + 1, bounds.upper - 1]).max() < 1e-2
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_kinks_of_two_parameters_take_few_runs(seed):
+    rng = np.random.default_rng(seed)
+    (a, b), slope = rng.uniform(-0.6, 0.6, 2), rng.uniform(0.2, 0.8)
+
+    def f(x, y):
+        return np.abs(x + slope * y - a) - 0.5 * x + 0.3 * np.abs(y - b)
+
+    bounds = black_box_bounds(f, x=(-1, 1), y=(-1, 1))
+    values = f(*np.meshgrid(np.linspace(-1, 1, 801), np.linspace(-1, 1, 801)))
+    error = max(abs(bounds.lower[0, 0] - values.min()), abs(bounds.upper[0, 0] - values.max()))
+    assert bounds.evaluations <= 600
+    assert error <= bounds.estimate[0, 0] + 1e-2 * np.ptp(values)
+
+
+TOLERANCES = [1e-1, 1e-2, 1e-3, 1e-4, 1e-5]
+HARD = {
+    "smooth": lambda a, b: np.exp(a - 0.3 * b) * np.sin(3 * T + a),
+    "kink": lambda a, b: np.abs(a - 0.4 * b * T),
+    "ratio": lambda a, b: 1 / (1.2 + a * np.cos(T + b)),
+}
+
+
+@pytest.mark.parametrize("tolerance", TOLERANCES)
+@pytest.mark.parametrize("law", HARD.values(), ids=HARD)
+def test_an_estimate_is_within_the_tolerance_or_a_remark_says_why_not(law, tolerance):
+    method = mb.PolynomialChaos(tolerance=tolerance, budget=400)
+    bounds = quietly(black_box_bounds, law, method, T, a=(-1, 1), b=(-1, 1))
+    told = rms(bounds.estimate, 0) / rms(bounds.upper - bounds.lower, 0)
+    assert (told.max() > tolerance) == any("was not reached" in remark for remark in bounds.remarks)
+
+
+@pytest.mark.parametrize("tolerance", TOLERANCES)
+def test_the_tolerance_of_a_scene_holds_or_is_told(tolerance):
+    machine = spring_mass(v=1.0)
+    box = mb.Box(stiffness=(3.0, 5.0), v=(0.9, 1.1))
+    scene = machine.scene("x vx", T, {"ball.x": 0.1, "ball.vx": machine.p.v}, box=box)
+    bounds = quietly(mb.propagate, scene, mb.PolynomialChaos(tolerance=tolerance))
+    told = rms(bounds.estimate, 0) / rms(bounds.inner[1] - bounds.inner[0], 0)
+    assert (told.max() > tolerance) == any("was not reached" in remark for remark in bounds.remarks)
+    assert tolerance < 1e-4 or told.max() <= tolerance
