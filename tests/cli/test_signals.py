@@ -100,12 +100,12 @@ def test_an_interrupted_comparison_carries_the_methods_so_far():
 
 
 def test_so_does_one_that_is_interrupted_in_its_check_runs(monkeypatch):
-    def interrupted(method, simulator, box, bounds, executor):
+    def interrupted(method, simulator, bounds, executor):
         if isinstance(method, mb.Scanning):
             raise KeyboardInterrupt
-        return bounds
+        return (), ()
 
-    monkeypatch.setattr(compare, "checked", interrupted)
+    monkeypatch.setattr(compare, "doubts_of_checks", interrupted)
     partial = partial_of(mb.compare, Interrupted(10**9), [mb.Vertex(), mb.Scanning(5)], BOX, mb.Scanning(3))
     assert [row.name for row in partial.rows] == ["Vertex()"]
     assert [left.name for left in partial.not_run] == ["Scanning(5)"]

@@ -341,6 +341,11 @@ def draw(curves, n_y=1, measured=None, uncertainty=0.0, band=None, **more):
     return plot.plot_comparison(T, names, band, curves, **own, **more)
 
 
+def draw_in(axes, curves):
+    """The errors against run time in a single axes."""
+    return draw(curves, style=plot.Style("test", axes))
+
+
 def error_axes(figure):
     return figure.axes[-1]
 
@@ -372,7 +377,7 @@ def test_the_most_accurate_setting_stands_for_its_family():
 def test_six_panels_at_most_and_the_hardest_outputs_in_them():
     error = np.linspace(0.8, 0.1, 8)
     figure = draw([curve("Scanning(3)", n_y=8, error=error)], n_y=8, measured=np.arange(8) != 1, title="crane")
-    assert titles(figure)[:-1] == ["y0", "y2", "y3", "y4", "y5", "y6"]
+    assert titles(figure)[:-2] == ["y0", "y2", "y3", "y4", "y5", "y6"]
 
 
 @pytest.mark.parametrize(("excess", "least", "most"), [(1e6, 0.0, 1.0), (0.2, 0.2, 1.0)])
@@ -383,14 +388,16 @@ def test_wild_bounds_do_not_squash_the_reference_and_those_near_it_are_wholly_sh
 
 def test_one_log_log_curve_a_family_with_its_runs():
     curves = [curve(f"Scanning({k})", error=1 / k, runs=k, seconds=0.01 * k) for k in (21, 3, 6)]
-    axes = error_axes(draw([*curves, curve("Taylor(order=2)", runs=77)]))
-    assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
-    assert "[s]" in axes.get_xlabel()
-    x, y = axes.lines[0].get_data()
-    np.testing.assert_allclose(x, [0.03, 0.06, 0.21])
-    np.testing.assert_allclose(y, [1 / 3, 1 / 6, 1 / 21])
-    assert sorted(text.get_text() for text in axes.texts) == ["21", "3", "6", "77"]
+    curves.append(curve("Taylor(order=2)", runs=77))
+    for axes, label, x in zip(draw(curves).axes[-2:], ("runs", "[s]"), ([3, 6, 21], [0.03, 0.06, 0.21]), strict=True):
+        assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
+        assert label in axes.get_xlabel() and not axes.texts
+        np.testing.assert_allclose(axes.lines[0].get_data(), [x, [1 / 3, 1 / 6, 1 / 21]])
     assert legend_of(axes) == ["Scanning", "Taylor"]
+    own = Figure().subplots()
+    draw_in(own, curves)
+    assert "[s]" in own.get_xlabel()
+    assert sorted(text.get_text() for text in own.texts) == ["21", "3", "6", "77"]
 
 
 @pytest.mark.parametrize(("error", "uncertainty", "drawn"), [(1e-6, 1e-3, 1e-3), (0.0, 0.0, 1e-16)])
@@ -405,7 +412,9 @@ def test_an_error_below_uncertainty_or_rounding_is_a_hollow_marker_on_it(error, 
 def test_numbers_keep_clear_of_each_other():
     close = [curve(f"Scanning({k})", error=0.1, runs=k, seconds=0.1 + 1e-4 * k) for k in (3, 4)]
     far = curve("Taylor(order=2)", error=1e-5, seconds=10.0)
-    first, second = (np.array(text.get_position()) for text in error_axes(draw([*close, far])).texts[:2])
+    own = Figure().subplots()
+    draw_in(own, [*close, far])
+    first, second = (np.array(text.get_position()) for text in own.texts[:2])
     assert np.hypot(*(first - second)) > 8.0
 
 

@@ -64,7 +64,7 @@ def test_what_is_saved_is_what_is_loaded_and_drawn(tmp_path):
     assert repr(loaded) == str(loaded) == str(saved) and str(saved).startswith("crane: x, load [N]; ")
     figure = loaded.plot(tmp_path / "c.png")
     assert (tmp_path / "c.png").read_bytes().startswith(b"\x89PNG")
-    assert [axes.get_title(loc="left") for axes in figure.axes] == ["x", "load [N]", ""]
+    assert [axes.get_title(loc="left") for axes in figure.axes] == ["x", "load [N]", "", ""]
 
 
 def lines_of(printed, word):

@@ -41,7 +41,8 @@ class FirstGrid(JointStudy):
     most_nodes : largest number of first nodes for more parameters
     checks : number of further runs, evenly spread over the box
     operations : largest number of operations of a step's stage at which a run takes less time than a decision: 0.2 ms
-        (971 operations in 462 steps). Above it, degrees are two lower, and the other numbers are halved
+        (971 operations in 462 steps)
+    small_degrees : `degrees` if runs take longer than a decision. The other numbers are then halved
     rounds : largest number of grids. With larger numbers, outputs that are not smooth take more runs
     """
 
@@ -49,6 +50,7 @@ class FirstGrid(JointStudy):
     most_nodes: int = 90
     checks: int = 12
     operations: int = 1000
+    small_degrees: tuple[int, ...] = (4, 4, 2)
     rounds: int = 4
 
     name = "first grid"
@@ -84,7 +86,7 @@ class FirstGrid(JointStudy):
         """The first grid; None for too many parameters."""
         d, is_cheap = len(runs.box), runs.cost_little(self.operations)
         if d <= MOST_PARAMETERS:
-            return tensor_grid(*d * [self.degrees[d - 1] - (0 if is_cheap else 2)])
+            return tensor_grid(*d * [(self.degrees if is_cheap else self.small_degrees)[d - 1]])
         most = self.most_nodes if is_cheap else self.most_nodes // 2
         degree = max(k for k in range(1, 5) if k == 1 or comb(d + k, d) <= most)
         return _total_grid(d, degree) if degree > 1 else None

@@ -120,9 +120,9 @@ class Runs:
         return isinstance(self.simulator, SceneSimulator)
 
     def cost_little(self, most_operations: int) -> bool:
-        """Whether a run takes less time than a decision: an average over random inputs does not, nor a large scene."""
+        """Whether a run takes less time than a decision, because samples advance side by side in few operations."""
         motion = motion_of(self.simulator)
-        return motion is not None and motion.formulation.operations <= most_operations
+        return motion is not None and motion.program.runs_in_lanes and motion.formulation.operations <= most_operations
 
     @property
     def left(self) -> int:

@@ -327,7 +327,7 @@ class Box:
         """The names with their units, for tables."""
         return tuple(map(label, self.names, self.units or ("",) * len(self)))
 
-    @cached_property
+    @property
     def _ends(self) -> Array:
         """Lower ends, upper ends, midpoints and half widths (4, d)."""
         lower, upper = np.array(self.bounds, dtype=float).reshape(-1, 2).T
@@ -338,22 +338,22 @@ class Box:
     @property
     def lower(self) -> Array:
         """Lower ends (d,)."""
-        return self._ends[0].copy()
+        return self._ends[0]
 
     @property
     def upper(self) -> Array:
         """Upper ends (d,)."""
-        return self._ends[1].copy()
+        return self._ends[1]
 
     @property
     def center(self) -> Array:
         """Midpoints (d,)."""
-        return self._ends[2].copy()
+        return self._ends[2]
 
     @property
     def radius(self) -> Array:
         """Half widths (d,)."""
-        return self._ends[3].copy()
+        return self._ends[3]
 
     def from_unit(self, unit: Array) -> Array:
         """Points (N, d) of [-1, 1]^d as parameter values (N, d); -1 and 1 give the ends exactly."""
