@@ -1,21 +1,15 @@
 """The base of small studies, and the runs that they ask for. A study with PolynomialChaos() is a row of them."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Generator
 from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
-from symmb._types import Mask
+from symmb._types import Array, Mask
 from symmb.bound.adaptive.runs import Runs, relative_errors
 from symmb.bound.adaptive.surrogate import EstimatedRange
-
-if TYPE_CHECKING:
-    from symmb.bound.adaptive.outputs import OutputProblem
-
-from collections.abc import Generator
-
-from symmb._types import Array
 
 
 @dataclass
@@ -130,14 +124,14 @@ class JointStudy(SmallStudy):
 
 
 class OutputStudy(SmallStudy):
-    """A small study of one output."""
+    """A small study of one output, whose problem is an `OutputProblem` of `outputs`."""
 
     @abstractmethod
-    def accepts(self, problem: "OutputProblem") -> bool:
+    def accepts(self, problem: Any) -> bool:
         """Whether the study takes the output."""
 
     @abstractmethod
-    def steps(self, problem: "OutputProblem") -> Attempt:
+    def steps(self, problem: Any) -> Attempt:
         """Ask for runs. Return the range of the output, or None if the next small study continues."""
 
 
