@@ -12,18 +12,23 @@ from symmb.bound.adaptive.check_points import (
     evenly_spread_points,
     inflated_error,
     quasi_random_points,
+    screening_corners,
     screening_points,
 )
+from symmb.bound.adaptive.continuation import extrapolated_sizes, largest
 from symmb.bound.adaptive.error_estimate import TruncationError
 from symmb.bound.adaptive.piece import REFINED_SHARE, higher, tensor_grid
 from symmb.bound.adaptive.runs import OutputRuns, Runs, relative_errors
 from symmb.bound.adaptive.small_study import JointStudy, Problem
 from symmb.bound.adaptive.surrogate import EstimatedRange, Evidence
-from symmb.bound.nodes import Grid
+from symmb.bound.nodes import Grid, corners
 from symmb.bound.polynomials import Expansion, TotalDegree, basis_values
 from symmb.bound.polynomials.ranges import MOST_PARAMETERS, RANGE_ERROR, Piecewise, attained_extremes
-from symmb.bound.responses import is_doubtful, is_doubtful_in_window
+from symmb.bound.responses import is_doubtful, is_doubtful_in_window, rms
 
+CONVERGING = 0.75
+"""Largest ratio of the errors of two grids at which a third one follows. With larger ratios, outputs that are not
+smooth take more runs."""
 FAR = 10.0
 """Ratio of the error to the tolerance above which degrees increase by two steps. One step halves errors at least."""
 
@@ -33,7 +38,7 @@ class FirstGrid(JointStudy):
     """One grid for all outputs. A decision takes as long as some runs of a scene, so more runs save time.
 
     Up to three parameters have a tensor grid, whose degrees increase in the directions with large errors. More
-    parameters have a grid of a total degree.
+    parameters have a grid of a total degree, which grows by the indices with the largest expected coefficients.
 
     Attributes
     ----------
@@ -47,11 +52,11 @@ class FirstGrid(JointStudy):
     """
 
     degrees: tuple[int, ...] = (16, 6, 4)
-    most_nodes: int = 90
+    most_nodes: int = 70
     checks: int = 12
     operations: int = 1000
     small_degrees: tuple[int, ...] = (4, 4, 2)
-    rounds: int = 4
+    rounds: int = 6
 
     name = "first grid"
     when = "runs of a scene cost less than decisions, and have no events"
@@ -66,7 +71,8 @@ class FirstGrid(JointStudy):
         points = evenly_spread_points(checks + runs.probes, d)
         if d > MOST_PARAMETERS:  # most of the box is near corners, where sparse grids have their largest errors
             points[1:checks:2] = quasi_random_points(checks // 2, d)
-        grid = self._first(runs)
+            points = np.concatenate([points, corners(d)[:16] if d < 5 else screening_corners(d)[:12]])
+        grid, open_error = self._first(runs), np.inf
         for left in reversed(range(self.rounds)):
             if grid is None or not self._fits(runs, grid):
                 break
@@ -74,9 +80,9 @@ class FirstGrid(JointStudy):
             if runs.events is not None or not runs.ok.all():
                 break
             runs.first = grid
-            found = _Confirmed(runs, runs.interpolant(grid, rows), tolerance)
-            is_done = found.is_good.all()
-            grid = found.refined() if left and d <= MOST_PARAMETERS and not is_done else None
+            found = _Confirmed(runs, grid, runs.interpolant(grid, rows), tolerance)
+            is_done, before, open_error = found.is_good.all(), open_error, found.open_error
+            grid = found.refined() if left and not is_done and open_error <= CONVERGING * before else None
             if is_done or (grid is None and found.is_good.any()):
                 every, is_good = found.range()
                 return every.columns(is_good), is_good
@@ -105,8 +111,8 @@ class _Confirmed:
     is_good : mask (n_y,) of the outputs with errors within the tolerance
     """
 
-    def __init__(self, runs: Runs, expansion: Expansion, tolerance: float) -> None:
-        self._runs, self._expansion, self._tolerance = runs, expansion, tolerance
+    def __init__(self, runs: Runs, grid: Grid, expansion: Expansion, tolerance: float) -> None:
+        self._runs, self._grid, self._expansion, self._tolerance = runs, grid, expansion, tolerance
         self._look()
 
     def _look(self) -> None:
@@ -121,12 +127,19 @@ class _Confirmed:
         doubtful = [of(self.evidence.error, high - low, runs.noise) for of in (is_doubtful, is_doubtful_in_window)]
         errors = relative_errors(self.evidence.error, runs.rms_widths())
         runs.tell("first grid", self.evidence.decisive(int(np.argmax(errors))), errors)
+        self.open_error = float(np.minimum(errors, 1.0)[errors > self._tolerance].sum())
         self.is_good: Mask = (errors + RANGE_ERROR <= self._tolerance) & ~np.any(doubtful, axis=(0, 1))
 
     def refined(self) -> Grid:
-        """The tensor grid with higher degrees in the directions of large errors. Far from the tolerance, by two."""
+        """The tensor grid with higher degrees in the directions of large errors. Far from the tolerance, by two steps.
+
+        For more parameters, the grid with half as many further nodes.
+        """
         widths = np.where(self.is_good, np.inf, self._runs.rms_widths())
         own = self._expansion
+        if len(self._runs.box) > MOST_PARAMETERS:
+            sizes = extrapolated_sizes(self._grid, (rms(own.coefficients.swapaxes(0, 1)) / widths).max(axis=1))
+            return self._grid.grown(largest(sizes, len(self._grid.row) // 2))
         truncation = TruncationError.of(own.alpha, own.coefficients, self._runs.noise)
         errors, degrees = relative_errors(truncation.directions, widths).max(axis=1), own.alpha.max(axis=0)
         is_far = relative_errors(self.evidence.error, widths).max() > FAR * self._tolerance
@@ -143,10 +156,10 @@ class _Confirmed:
         lower, upper = lower.reshape(runs.shape), upper.reshape(runs.shape)
         places = np.stack(at).reshape(2, *runs.shape, d)
         if d > MOST_PARAMETERS:
-            corners = np.where(places[:, :, self.is_good] < 0, -1.0, 1.0).reshape(-1, d)
+            near = np.where(places[:, :, self.is_good] < 0, -1.0, 1.0).reshape(-1, d)
             hides = any(OutputRuns(runs, k).may_hide() for k in np.flatnonzero(self.is_good).tolist())
             more = screening_points(d) if hides else np.empty((0, d))
-            runs.check(np.unique(np.concatenate([corners, more]), axis=0)[: runs.left])
+            runs.check(np.unique(np.concatenate([near, more]), axis=0)[: runs.left])
             self._look()
         name = "an interpolant on a tensor grid" if d <= MOST_PARAMETERS else "an interpolant on a sparse grid"
         evidence = self.evidence.plus("range", RANGE_ERROR * (upper - lower))
