@@ -82,7 +82,8 @@ class FirstGrid(JointStudy):
             runs.first = grid
             found = _Confirmed(runs, grid, runs.interpolant(grid, rows), tolerance)
             is_done, before, open_error = found.is_good.all(), open_error, found.open_error
-            grid = found.refined() if left and not is_done and open_error <= CONVERGING * before else None
+            converges = open_error <= CONVERGING * before and (open_error > 0 or d <= MOST_PARAMETERS)
+            grid = found.refined() if left and converges else None
             if is_done or (grid is None and found.is_good.any()):
                 every, is_good = found.range()
                 return every.columns(is_good), is_good
@@ -108,6 +109,7 @@ class _Confirmed:
     Attributes
     ----------
     evidence : errors (n_t, n_y)
+    open_error : sum of the relative errors above the tolerance; large errors count as 1
     is_good : mask (n_y,) of the outputs with errors within the tolerance
     """
 
