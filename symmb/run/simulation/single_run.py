@@ -22,10 +22,10 @@ from symmb.run.formulations import program_of
 from symmb.run.integrate import EventDriven, Solver
 from symmb.run.simulation.dae_simulator import DAESimulator
 from symmb.run.simulation.figure_simulator import FigureSimulator
-from symmb.run.simulation.pilots import PilotRuns, at_tolerances, given_program
+from symmb.run.simulation.pilots import PilotRuns, given_program
 from symmb.run.simulation.run_doubts import SMOOTH, run_doubts
 from symmb.run.simulation.subject import Subject, scene_of
-from symmb.run.simulation.sweep import Sweep, swept
+from symmb.run.simulation.sweep import Sweep, side_by_side
 from symmb.run.simulation.trajectory import Trajectory
 from symmb.run.verification import in_two_ways, other_way
 
@@ -122,7 +122,7 @@ def simulate(
     own, solver = subject.scene, subject.solver
     tolerances = _tolerances(rtol, atol, solver is not None)
     if not isinstance(parameters, Mapping | str | None) and isinstance(parameters, Sequence):
-        return _simulated_side_by_side(subject, parameters, check, tolerances)
+        return side_by_side(subject, parameters, check, tolerances)
     if tolerances and own.system.collected.has_events:
         solver = EventDriven(**tolerances)
     values = parameter_values(own, {} if parameters is None else parameters)
@@ -149,18 +149,6 @@ def _tolerances(rtol: float | None, atol: float | None, is_chosen: bool) -> dict
             "solver=CVODES(rtol=1e-10)."
         )
     return tolerances
-
-
-def _simulated_side_by_side(
-    subject: Subject, parameters: Sequence[Mapping[str, float]], check: bool, tolerances: Mapping[str, Any]
-) -> Sweep:
-    if check:
-        raise DeclarationError(
-            "simulate: check=True applies to a single run, not to a list of parameters. Pass one mapping of parameters."
-        )
-    if tolerances:
-        subject = replace(subject, solver=at_tolerances(subject.motion.solver, tolerances))
-    return swept(subject.simulator, parameters, "simulate")
 
 
 def _simulated(runs: PilotRuns, check: bool, tolerances: Mapping[str, Any]) -> tuple[Solver, Trajectory]:

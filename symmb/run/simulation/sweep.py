@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,6 +23,7 @@ from symmb.results import plot
 from symmb.results.files import NAMES, NOT_KEPT, TIMES, Record, Saved, entry
 from symmb.run.integrate import Solver
 from symmb.run.simulation.figure_simulator import SceneSimulator
+from symmb.run.simulation.pilots import at_tolerances
 from symmb.run.simulation.subject import Device, Subject
 
 if TYPE_CHECKING:
@@ -286,6 +287,19 @@ def sweep(
         each //= len(column)
         P[:, [*nominal].index(name)] = np.resize(np.repeat(column, each), count)
     return _of_rows(simulator, P, grid, "sweep", executor, progress)
+
+
+def side_by_side(
+    subject: Subject, parameters: Sequence[Mapping[str, float]], check: bool, tolerances: Mapping[str, Any]
+) -> Sweep:
+    """Runs of a list of parameters; see `simulate`."""
+    if check:
+        raise DeclarationError(
+            "simulate: check=True applies to a single run, not to a list of parameters. Pass one mapping of parameters."
+        )
+    if tolerances:
+        subject = replace(subject, solver=at_tolerances(subject.motion.solver, tolerances))
+    return swept(subject.simulator, parameters, "simulate")
 
 
 def swept(simulator: Simulator, runs: Sequence[Mapping[str, float]], owner: str) -> Sweep:
