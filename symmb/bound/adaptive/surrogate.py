@@ -69,10 +69,6 @@ class Evidence:
         """The evidence (n_t, 1) of one output."""
         return Evidence(self.error[:, k : k + 1], self.rule[:, k : k + 1])
 
-    def with_column(self, k: int, other: "Evidence") -> "Evidence":
-        """The evidence, with that of one output replaced by another (n_t, 1)."""
-        return self.replaced(np.arange(self.error.shape[1]) == k, other)
-
     def decisive(self, output: int = 0) -> str:
         """The name of the rule that decides the largest error of an output."""
         return (*RULES,)[self.rule[self.error[:, output].argmax(), output]]
