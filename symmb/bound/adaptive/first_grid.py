@@ -48,7 +48,8 @@ class FirstGrid(JointStudy):
     operations : largest number of operations of a step's stage at which a run takes less time than a decision: 0.2 ms
         (971 operations in 462 steps)
     small_degrees : `degrees` if runs take longer than a decision. The other numbers are then halved
-    rounds : largest number of grids. With larger numbers, outputs that are not smooth take more runs
+    rounds, largest : largest number of grids, and of nodes of a grid. With larger numbers, outputs that are not smooth
+        take more runs
     """
 
     degrees: tuple[int, ...] = (16, 6, 4)
@@ -57,6 +58,7 @@ class FirstGrid(JointStudy):
     operations: int = 1000
     small_degrees: tuple[int, ...] = (4, 4, 2)
     rounds: int = 6
+    largest: int = 1000
 
     name = "first grid"
     when = "runs of a scene cost less than decisions, and have no events"
@@ -72,22 +74,23 @@ class FirstGrid(JointStudy):
         if d > MOST_PARAMETERS:  # most of the box is near corners, where sparse grids have their largest errors
             points[1:checks:2] = quasi_random_points(checks // 2, d)
             points = np.concatenate([points, corners(d)[:16] if d < 5 else screening_corners(d)[:12]])
-        grid, open_error = self._first(runs), np.inf
-        for left in reversed(range(self.rounds)):
-            if grid is None or not self._fits(runs, grid):
-                break
+        grid, found, nothing = self._first(runs), None, ({}, np.zeros(runs.shape[1], dtype=bool))
+        for _ in range(self.rounds):
+            assert grid is not None
             rows = runs.at(grid.nodes) if len(runs) else runs.begin(grid.nodes, points)
             if runs.events is not None or not runs.ok.all():
-                break
-            runs.first = grid
+                return nothing
+            runs.first, before = grid, np.inf if found is None else found.open_error
             found = _Confirmed(runs, grid, runs.interpolant(grid, rows), tolerance)
-            is_done, before, open_error = found.is_good.all(), open_error, found.open_error
-            converges = open_error <= CONVERGING * before and (open_error > 0 or d <= MOST_PARAMETERS)
-            grid = found.refined() if left and converges else None
-            if is_done or (grid is None and found.is_good.any()):
-                every, is_good = found.range()
-                return every.columns(is_good), is_good
-        return {}, np.zeros(runs.shape[1], dtype=bool)
+            has_open = found.open_error > 0 or d <= MOST_PARAMETERS
+            if found.is_good.all() or not has_open or found.open_error > CONVERGING * before:
+                break
+            if not self._fits(runs, grid := found.refined()):
+                break
+        if found is None or not found.is_good.any():
+            return nothing
+        every, is_good = found.range()
+        return every.columns(is_good), is_good
 
     def _first(self, runs: Runs) -> Grid | None:
         """The first grid; None for too many parameters."""
@@ -100,7 +103,8 @@ class FirstGrid(JointStudy):
 
     def _fits(self, runs: Runs, grid: Grid) -> bool:
         """Whether the budget suffices for a grid and its check runs."""
-        return len(grid.alpha) + self.checks + runs.probes + 2 * len(runs.box) <= runs.most
+        n = len(grid.alpha)
+        return n <= self.largest and n + self.checks + runs.probes + 2 * len(runs.box) <= runs.most
 
 
 class _Confirmed:
