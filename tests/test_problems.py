@@ -234,8 +234,8 @@ def test_bounds_of_a_stiff_scene():
     t = np.asarray(scene.times)
     for f, found in ((0.8, bounds.lower), (1.2, bounds.upper)):
         np.testing.assert_allclose(found[:, 0], np.exp(-t) + f * (t - 1 + np.exp(-t)), atol=1e-5)
-    # Runs of small scenes cost little: a first grid of 17 runs, and 12 check runs.
-    assert not bounds.failed and bounds.evaluations == 29
+    # One shape of time hides as much as a single number, so that 6 of these runs are quasi-random checks.
+    assert not bounds.failed and bounds.evaluations < 12
 
 
 def test_windows_in_space_move_as_in_the_plane():

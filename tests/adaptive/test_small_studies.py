@@ -2,6 +2,7 @@
 
 import math
 
+import casadi as ca
 import numpy as np
 import pytest
 from black_boxes import black_box, black_box_bounds, quietly, rms
@@ -34,7 +35,7 @@ def test_the_row_says_when_each_study_is_used():
     assert [line.split(",")[0] for line in text.splitlines() if line[0] != " "] == [
         f"{k}. {study.name}" for k, study in enumerate(STUDIES, 1)
     ]
-    assert "1. first grid, if runs of a scene cost less than decisions" in text and "checks 12" in text
+    assert "1. first grid, if runs of a scene of two" in text and "checks 12" in text
     refused("has one grid", lambda: mb.PolynomialChaos(order=3).studies)
 
 
@@ -44,14 +45,17 @@ def test_numbers_of_a_study_cannot_be_changed(study):
         study.name = "other"
 
 
-@pytest.mark.parametrize("box", [{"angle": (0.4, 0.6)}, {"angle": (0.4, 0.6), "length": (0.9, 1.1)}], ids=len)
+TWO = {"angle": (0.4, 0.6), "length": (0.9, 1.1)}
+
+
+@pytest.mark.parametrize("box", [TWO, {**TWO, "g": (9.7, 9.9)}], ids=len)
 def test_a_first_grid_decides_smooth_outputs_alone(box):
     own = problem(*swing(**box))
     assert FirstGrid().accepts(own)
     ranges, is_decided = FirstGrid().ranges(own)
     assert is_decided.all() and sorted(ranges) == [0, 1]
     simulator, whole = swing(**box)
-    true = mb.propagate(simulator, mb.Scanning(25), whole)
+    true = mb.propagate(simulator, mb.Scanning(9), whole)
     for k, found in ranges.items():
         width = rms(true.upper[:, k] - true.lower[:, k])
         errors = np.maximum(true.lower[:, k] - found.upper[:, 0], found.lower[:, 0] - true.lower[:, k])
@@ -60,11 +64,12 @@ def test_a_first_grid_decides_smooth_outputs_alone(box):
 
 def test_a_first_grid_needs_side_by_side_runs_and_a_budget():
     assert not FirstGrid().accepts(problem(*black_box(lambda a, b: a * b, a=(0, 1), b=(0, 1))))
-    assert not FirstGrid().accepts(problem(*swing(angle=(0.4, 0.6)), most=10))
+    assert not FirstGrid().accepts(problem(*swing(**TWO), most=10))
+    assert not FirstGrid().accepts(problem(*swing(angle=(0.4, 0.6))))  # secants find kinks of one parameter
 
 
 def test_outputs_that_a_study_decides_are_left_to_no_other():
-    own = problem(*swing(angle=(0.4, 0.6)))
+    own = problem(*swing(**TWO))
     found = decided(own)
     assert not own.open.any() and found.lower.shape == (len(T), 2)
     assert len(own.runs) == len(ROW[0]._first(own.runs).alpha) + ROW[0].checks
@@ -119,3 +124,61 @@ def test_the_tolerance_of_a_scene_holds_or_is_told(tolerance):
     told = rms(bounds.estimate, 0) / rms(bounds.inner[1] - bounds.inner[0], 0)
     assert (told.max() > tolerance) == any("was not reached" in remark for remark in bounds.remarks)
     assert tolerance < 1e-4 or told.max() <= tolerance
+
+
+@pytest.mark.parametrize("place", [-0.35, 0.1, 0.45])
+def test_a_late_kink_of_one_parameter_is_found_in_scenes(place):
+    """Runs of a first grid would not be near the kink, which lasts for a tenth of the time."""
+    machine = spring_mass(x=0.0)
+    late = 0.2 * machine.p.x * (1 + mb.t) + 3 * ca.exp(-(((mb.t - 1) / 0.2) ** 2)) * ca.fabs(machine.p.x - place)
+    bounds = mb.propagate(machine.scene({"y": late}, T, box=mb.Box(x=(-1, 1))))
+    lowest = bounds["y"][0][np.argmin(np.abs(T - 1))]
+    assert lowest == pytest.approx(0.4 * place, abs=0.02)
+
+
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-4])
+def test_a_tolerance_over_allowed_points_holds_or_is_told(tolerance):
+    times = np.linspace(0, 1, 5)
+    simulator = mb.FunctionSimulator(lambda a, c: 2 * a * np.cos(times * c) + a * a, {"a": 1.0, "c": 2.0}, times, ["y"])
+    box = mb.Box(a=(0.0, 2.0), c=(1.0, 3.0), constraints=[lambda p: p.a + p.c - 3])
+    bounds = quietly(mb.propagate, simulator, mb.PolynomialChaos(tolerance=tolerance), box)
+    told = rms(bounds.estimate, 0) / rms(bounds.upper - bounds.lower, 0)
+    assert (told.max() > tolerance) == any("was not reached" in remark for remark in bounds.remarks)
+
+
+def test_constraints_of_choices_alone_need_no_polynomials():
+    simulator = mb.FunctionSimulator(lambda n, c: [10.0 * n + c], {"n": 2, "c": 1}, [0.0], ["y"])
+    bounds = mb.propagate(simulator, box=mb.Box(n={2, 3}, c={1, 2}, constraints=[lambda p: p.n - 2.5]))
+    assert (bounds.lower[0, 0], bounds.upper[0, 0]) in {(21.0, 22.0), (31.0, 32.0)}
+
+
+def test_an_interrupted_study_keeps_the_combinations_that_are_finished():
+    class Interrupted:
+        def __init__(self):
+            self.runs = 0
+
+        def __call__(self, n, a):
+            self.runs += n == 3
+            if self.runs > 5:
+                raise KeyboardInterrupt
+            return [10 * n + a**2]
+
+    simulator = mb.FunctionSimulator(Interrupted(), {"n": 2, "a": 1.0}, [0.0], ["y"])
+    with pytest.raises(KeyboardInterrupt) as caught:
+        mb.propagate(simulator, box=mb.Box(n={2, 3}, a=(0.0, 2.0)))
+    partial = caught.value.partial
+    assert partial["y"][0][0] == pytest.approx(20.0) and any("interrupted" in doubt for doubt in partial.doubts)
+
+
+@pytest.mark.parametrize("use", [mb.propagate, mb.compare, mb.sweep, mb.simulate, mb.prepare], ids=lambda f: f.__name__)
+def test_a_class_in_place_of_a_scene_is_refused(use):
+    more = [{"a": [1.0]}] if use is mb.sweep else []
+    refused("Scene", lambda: use(mb.Scene, *more))
+
+
+def test_the_reason_names_what_would_help():
+    cusp = quietly(black_box_bounds, lambda x, y: np.sqrt(np.abs(x + 0.61 * y - 0.13)), x=(-1, 1), y=(-1, 1))
+    few = quietly(black_box_bounds, lambda x, y: np.sin(9 * x * y), mb.PolynomialChaos(budget=30), x=(-1, 1), y=(-1, 1))
+    for bounds, used_up in ((cusp, False), (few, True)):
+        if any("was not reached" in remark for remark in bounds.remarks):
+            assert ("budget" in bounds.why("y")) == used_up

@@ -7,7 +7,6 @@ import numpy as np
 from symmb._doubt import Doubt
 from symmb._errors import PropagationError
 from symmb._magnitudes import LAST_DIGITS, SAME, SLIGHT
-from symmb._table import apart
 from symmb._types import Array, Executor, Indices, Mask
 from symmb.bound.adaptive.check_points import SAFETY
 from symmb.bound.adaptive.clock import Clock
@@ -18,7 +17,7 @@ from symmb.bound.adaptive.surrogate import EstimatedRange, Evidence
 from symmb.bound.answers import Bounds
 from symmb.bound.polynomials import Expansion
 from symmb.bound.polynomials.ranges import MOST_PARAMETERS
-from symmb.bound.responses import DOUBTFUL, Trace, failed_region, rms
+from symmb.bound.responses import DOUBTFUL, USED_UP, Trace, failed_region, rms, tolerance_remark
 from symmb.connect import Progress, Simulator
 from symmb.equations.model import Box
 
@@ -138,14 +137,15 @@ def _attained_or_estimated(
 
 def _of_accuracy(runs: Runs, tolerance: float, estimate: Array) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Remarks and warnings if the estimated error (n_t, n_y) of an output exceeds the tolerance."""
-    error = float(np.max(rms(estimate) / runs.rms_widths(), initial=0.0))
-    if error <= tolerance:
+    errors = rms(estimate) / runs.rms_widths()
+    if not (short := tolerance_remark(runs.simulator.outputs, tolerance, errors)):
         return (), ()
-    short = _SHORT.format(*apart(tolerance, error))
+    if runs.clock.is_cut or runs.lack or not runs.left:
+        short = f"{short} {USED_UP}"
     if not runs.clock.is_cut:
         return (short,), ()
     cut = Doubt(_CUT.format(tolerance=tolerance))  # the estimated error shows the effect on each output
-    return ((short,), (cut,)) if error > DOUBTFUL else ((short, cut), ())
+    return ((short,), (cut,)) if errors.max() > DOUBTFUL else ((short, cut), ())
 
 
 def _of_noise(runs: Runs) -> tuple[str, ...]:
@@ -183,11 +183,10 @@ def _of_rounding(runs: Runs, is_noise: Mask) -> tuple[str, ...]:
 
 _CUT = (
     "The study ended before it reached the tolerance {tolerance:g}, because computations other than runs took more "
-    "than 3 s, and more than three times as long as the runs. Allow more time by PolynomialChaos(seconds=...)."
+    "than the given seconds, or more than 3 s and three times as long as the runs. Allow more time by "
+    "PolynomialChaos(seconds=...)."
 )
 """The warning if a study had no time to refine the bounds, and its error is far above the tolerance."""
-_SHORT = "The tolerance {} of the method was not reached: the estimated error is {} times the width."
-"""A remark if the runs are too few, or if noise and rounding are too large."""
 
 
 def _scaled(values: Array, power: Indices) -> Array:

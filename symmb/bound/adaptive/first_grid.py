@@ -1,12 +1,13 @@
 """Bounds where runs cost little: one grid for all outputs, whose interpolant is confirmed by further runs."""
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from math import comb
 
 import numpy as np
 
 from symmb._types import Mask
+from symmb.bound.adaptive import continuation
 from symmb.bound.adaptive.check_points import (
     SAFETY,
     evenly_spread_points,
@@ -15,7 +16,6 @@ from symmb.bound.adaptive.check_points import (
     screening_corners,
     screening_points,
 )
-from symmb.bound.adaptive.continuation import extrapolated_sizes, largest
 from symmb.bound.adaptive.error_estimate import TruncationError
 from symmb.bound.adaptive.piece import REFINED_SHARE, higher, tensor_grid
 from symmb.bound.adaptive.runs import OutputRuns, Runs, relative_errors
@@ -29,6 +29,9 @@ from symmb.bound.responses import is_doubtful, is_doubtful_in_window, rms
 CONVERGING = 0.75
 """Largest ratio of the errors of two grids at which a third one follows. With larger ratios, outputs that are not
 smooth take more runs."""
+SLOW_ERROR = 5e-2
+"""Largest error from slowly decreasing coefficients, over the width of the output. Larger errors may be from kinks, for
+which other studies look."""
 FAR = 10.0
 """Ratio of the error to the tolerance above which degrees increase by two steps. One step halves errors at least."""
 
@@ -37,12 +40,12 @@ FAR = 10.0
 class FirstGrid(JointStudy):
     """One grid for all outputs. A decision takes as long as some runs of a scene, so more runs save time.
 
-    Up to three parameters have a tensor grid, whose degrees increase in the directions with large errors. More
+    Two and three parameters have a tensor grid, whose degrees increase in the directions with large errors. More
     parameters have a grid of a total degree, which grows by the indices with the largest expected coefficients.
 
     Attributes
     ----------
-    degrees : first degrees along one, two and three parameters
+    degrees : first degrees along two and three parameters
     most_nodes : largest number of first nodes for more parameters
     checks : number of further runs, evenly spread over the box
     operations : largest number of operations of a step's stage at which a run takes less time than a decision: 0.2 ms
@@ -52,16 +55,16 @@ class FirstGrid(JointStudy):
         take more runs
     """
 
-    degrees: tuple[int, ...] = (16, 6, 4)
+    degrees: tuple[int, ...] = (6, 4)
     most_nodes: int = 70
     checks: int = 12
     operations: int = 1000
-    small_degrees: tuple[int, ...] = (4, 4, 2)
+    small_degrees: tuple[int, ...] = (4, 2)
     rounds: int = 6
     largest: int = 1000
 
     name = "first grid"
-    when = "runs of a scene cost less than decisions, and have no events"
+    when = "runs of a scene of two or more parameters cost less than decisions, and have no events"
 
     def accepts(self, problem: Problem) -> bool:
         runs = problem.runs
@@ -93,18 +96,20 @@ class FirstGrid(JointStudy):
         return every.columns(is_good), is_good
 
     def _first(self, runs: Runs) -> Grid | None:
-        """The first grid; None for too many parameters."""
+        """The first grid; None for too many parameters, and for one, whose kinks only secants find."""
         d, is_cheap = len(runs.box), runs.cost_little(self.operations)
+        if d == 1:
+            return None
         if d <= MOST_PARAMETERS:
-            return tensor_grid(*d * [(self.degrees if is_cheap else self.small_degrees)[d - 1]])
+            return tensor_grid(*d * [(self.degrees if is_cheap else self.small_degrees)[d - 2]])
         most = self.most_nodes if is_cheap else self.most_nodes // 2
         degree = max(k for k in range(1, 5) if k == 1 or comb(d + k, d) <= most)
         return _total_grid(d, degree) if degree > 1 else None
 
     def _fits(self, runs: Runs, grid: Grid) -> bool:
         """Whether the budget suffices for a grid and its check runs."""
-        n = len(grid.alpha)
-        return n <= self.largest and n + self.checks + runs.probes + 2 * len(runs.box) <= runs.most
+        n, largest = len(grid.alpha), self.largest if runs.cost_little(self.operations) else self.largest // 8
+        return n <= largest and n + self.checks + runs.probes + 2 * len(runs.box) <= runs.most
 
 
 class _Confirmed:
@@ -135,6 +140,18 @@ class _Confirmed:
         runs.tell("first grid", self.evidence.decisive(int(np.argmax(errors))), errors)
         self.open_error = float(np.minimum(errors, 1.0)[errors > self._tolerance].sum())
         self.is_good: Mask = (errors + RANGE_ERROR <= self._tolerance) & ~np.any(doubtful, axis=(0, 1))
+        if len(runs.box) <= MOST_PARAMETERS:
+            self.is_good &= ~self._may_have_kinks()
+
+    def _may_have_kinks(self) -> Mask:
+        """Mask (n_y,) of the outputs whose coefficients decrease slowly at some times. Few runs are near a kink."""
+        allowed = SLOW_ERROR * self._runs.rms_widths()
+        return np.asarray((self._truncation.slow & (self._truncation.directions > allowed)).any(axis=(0, 1)))
+
+    @cached_property
+    def _truncation(self) -> TruncationError:
+        own = self._expansion
+        return TruncationError.of(own.alpha, own.coefficients, self._runs.noise)
 
     def refined(self) -> Grid:
         """The tensor grid with higher degrees in the directions of large errors. Far from the tolerance, by two steps.
@@ -144,10 +161,10 @@ class _Confirmed:
         widths = np.where(self.is_good, np.inf, self._runs.rms_widths())
         own = self._expansion
         if len(self._runs.box) > MOST_PARAMETERS:
-            sizes = extrapolated_sizes(self._grid, (rms(own.coefficients.swapaxes(0, 1)) / widths).max(axis=1))
-            return self._grid.grown(largest(sizes, len(self._grid.row) // 2))
-        truncation = TruncationError.of(own.alpha, own.coefficients, self._runs.noise)
-        errors, degrees = relative_errors(truncation.directions, widths).max(axis=1), own.alpha.max(axis=0)
+            sizes = (rms(own.coefficients.swapaxes(0, 1)) / widths).max(axis=1)
+            ahead = continuation.extrapolated_sizes(self._grid, sizes)
+            return self._grid.grown(continuation.largest(ahead, len(self._grid.row) // 2))
+        errors, degrees = relative_errors(self._truncation.directions, widths).max(axis=1), own.alpha.max(axis=0)
         is_far = relative_errors(self.evidence.error, widths).max() > FAR * self._tolerance
         new = higher(higher(degrees)) if is_far else higher(degrees)
         return tensor_grid(*np.where(errors >= REFINED_SHARE * errors.max(), new, degrees).tolist())

@@ -231,12 +231,14 @@ def _answer(runs: Runs, requests: list[Request], predict: Callable[[Array], Arra
     if any(isinstance(each, Noise) for each in requests) and not runs.noise_is_known:
         runs.measure_noise()
     for each in requests:
-        if isinstance(each, Nodes) and runs.unknown(each.points) <= runs.left:
+        if isinstance(each, Nodes) and runs.suffice(runs.unknown(each.points)):
             runs.at(each.points, predict)
             each.are_run = True
     points = [each.points for each in requests if isinstance(each, Checks)]
     if points:
-        runs.check(_distinct(points)[: runs.left])
+        checks = _distinct(points)
+        runs.suffice(len(checks))
+        runs.check(checks[: runs.left])
     chosen = np.empty((0, len(runs.box)))
     for each in sorted((each for each in requests if isinstance(each, Places)), key=lambda each: -each.weights.max()):
         own = select_dispersed(each.places, each.weights, len(runs.box), chosen)

@@ -71,6 +71,7 @@ class Runs:
     noise : (n_y,) error of responses, stated by the simulator or measured; 0 before it is measured
     extremes : smallest and largest responses of all runs (n_t, n_y)
     first : the largest grid of `first_grid`; None before it is run
+    lack : whether a study needed more runs than are left
     steps : the rounds of the study until now
     """
 
@@ -107,6 +108,7 @@ class Runs:
         self.is_attained = np.empty(0, dtype=bool)
         self._row: dict[bytes, int] = {}
         self.first: Grid | None = None
+        self.lack = False
         self.steps, self._last = list[Step](), dict[str, float]()
         self._made: dict[str, int] = dict.fromkeys(("node", "check run", "noise run"), 0)
 
@@ -227,6 +229,11 @@ class Runs:
     def floor(self) -> Array:
         """Errors (n_y,) that are caused by noise or rounding."""
         return np.maximum(self.noise, self.rounding * self._scale)
+
+    def suffice(self, number: int) -> bool:
+        """Whether enough runs are left. If not, `lack` becomes true."""
+        self.lack |= number > self.left
+        return number <= self.left
 
     def is_near_lost(self, places: Array) -> Mask:
         """Mask (...) of the points (..., d) whose nearest run, or most of whose nearby runs, failed."""

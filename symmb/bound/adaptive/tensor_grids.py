@@ -289,8 +289,10 @@ class Refinement:
     def _chooses(self, piece: Piece, most: int | None = None) -> bool:
         """Choose this piece for refinement if it can be refined, and if enough runs are left for the new nodes."""
         runs, self._chosen, self._parts = self._runs, piece, piece.refined_parts()
-        most = runs.left if most is None else min(most, runs.left)
-        return bool(self._parts) and self._cost() <= most and not runs.clock.is_late
+        if not self._parts or runs.clock.is_late:
+            return False
+        cost = self._cost()
+        return runs.suffice(cost) and (most is None or cost <= most)
 
     @property
     def _widths(self) -> Array:

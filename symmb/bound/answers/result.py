@@ -31,7 +31,7 @@ from symmb.bound.answers.limits import (
     other_side,
     unit_suffix,
 )
-from symmb.bound.responses import ENDED, RULES, WorstCase, failure_text
+from symmb.bound.responses import ENDED, RULES, STALLED, USED_UP, WorstCase, failure_text
 from symmb.results import plot
 from symmb.results.files import Record, Saved, Table, attributes, entries
 
@@ -182,8 +182,9 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
         if self.trace is None:
             return f"{begin}. The reasons of this error are not recorded."
         rule = RULES[self.trace.rule(i, k)]
-        is_cut = any("was not reached" in remark for remark in self.remarks)
-        remedy = ENDED if rule.is_reduced and is_cut else rule.remedy
+        remedy = rule.remedy
+        if rule.is_reduced and any("was not reached" in remark for remark in self.remarks):
+            remedy = ENDED if any(USED_UP in remark for remark in self.remarks) else STALLED
         return f"{begin}: {rule.cause[0].lower()}{rule.cause[1:]} {remedy}"
 
     def _checked(self, pairs: Mapping[str, tuple[float, float]]) -> tuple[list[KeptLimit], list[str]]:

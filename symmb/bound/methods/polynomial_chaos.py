@@ -74,8 +74,8 @@ class PolynomialChaos(Method):
     basis : TensorDegree(), TotalDegree() or HyperbolicCross(q=...)
     range : Exact(...), Bernstein(...), ChebyshevInclusion(), or LegendreInclusion() as in the paper
     tolerance : without order: estimated error at which the study stops, divided by the width of the response
-    budget : without order: largest number of runs
-    seconds : without order: longest time in addition to the runs [s]; None: 1 s plus three times the time of the runs
+    budget : without order: largest number of runs, for each combination of choices
+    seconds : without order: longest time in addition to the runs [s]; None: 3 s plus three times the time of the runs
     probes : without order: number of further runs, evenly spread over the box, with which the surrogate must agree.
         These runs find effects in small parts of the box
     lockstep : advance all nodes together from one output time to the next, and compute the expansion there (Fig. 4).

@@ -95,7 +95,7 @@ def _outside_nominal_values(simulator: Simulator, box: Box) -> list[str]:
     remarks = []
     for name, (low, high) in zip(box.names, box.bounds, strict=True):
         value = float(simulator.parameters[name])
-        if max(low - value, value - high) > SAME * max(abs(low), abs(high)):
+        if low < high and max(low - value, value - high) > SAME * max(abs(low), abs(high)):
             (told,) = with_units({name: f"{value:.6g}"}, simulator.parameters)
             remarks.append(f"The nominal value {told} is outside of the interval from {low:.6g} to {high:.6g}.")
     return remarks

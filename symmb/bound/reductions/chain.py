@@ -1,6 +1,7 @@
 """Bounds of a simulator over a box: reductions, and then a method."""
 
 from symmb._errors import DeclarationError, PropagationError
+from symmb._interrupts import carry
 from symmb._names import did_you_mean
 from symmb._options import require_callable
 from symmb._types import Executor
@@ -53,6 +54,15 @@ def bounded(
 
     for reduction in REDUCTIONS:
         if reduction.accepts(method, box):
-            boxes = reduction.apply(method, box)
-            return reduction.invert(Reduced(method, simulator, box, executor), [*map(found, boxes)])
+            boxes, study = reduction.apply(method, box), Reduced(method, simulator, box, executor)
+            parts = list[Bounds | PropagationError]()
+            try:
+                for own in boxes:
+                    parts.append(found(own))
+            except KeyboardInterrupt as interrupt:
+                if any(isinstance(part, Bounds) for part in parts):
+                    left = [PropagationError("interrupted")] * (len(boxes) - len(parts))
+                    carry(interrupt, reduction.invert(study, [*parts, *left]))
+                raise
+            return reduction.invert(study, parts)
     return bounds_of(method, RunsOverBox(repr(method), simulator, box, executor, progress), method.bounds)

@@ -20,6 +20,8 @@ from symmb.bound.responses import (
     first_points,
     gathered,
     parameter_samples,
+    rms,
+    tolerance_remark,
     which_failed,
 )
 from symmb.connect import note_attained
@@ -37,7 +39,7 @@ class Constraints(Reduction):
     """Bounds over the allowed points, from the polynomials of bounds over the whole box, and from runs at extremes."""
 
     def accepts(self, method: Method, box: Box) -> bool:
-        return bool(box.constraints) and method.constraints != "own"
+        return bool(box.constraints) and method.constraints != "own" and bool(box.radius.any())
 
     def apply(self, method: Method, box: Box) -> Sequence[Box]:
         if method.constraints == "refused":
@@ -84,11 +86,18 @@ def _constrained(study: Reduced, whole: Bounds) -> Bounds:
         "too narrow. Use a smaller box around the allowed points."
     )
     told = f"{counted(len(P), 'run')} at extremes of the polynomials over the allowed points checked the bounds."
+    lower, upper = np.minimum(lower, inner[0]), np.maximum(upper, inner[1])
+    estimate = np.maximum(whole.surrogate.error, missed) + search
+    remarks, tolerance, width = [*whole.remarks, told], getattr(method, "tolerance", np.inf), rms(upper - lower)
+    if getattr(method, "order", None) is None:  # the allowed points have a smaller width than the box
+        errors = np.divide(rms(estimate), width, out=np.zeros_like(width), where=width > 0)
+        short = tolerance_remark(whole.names, tolerance, errors)
+        remarks = [*(each for each in remarks if "was not reached" not in each), *filter(None, [short])]
     return replace(
         whole,
-        lower=np.minimum(lower, inner[0]),
-        upper=np.maximum(upper, inner[1]),
-        estimate=np.maximum(whole.surrogate.error, missed) + search,
+        lower=lower,
+        upper=upper,
+        estimate=estimate,
         trace=None,
         inner=inner,
         evaluations=whole.evaluations + len(P),
@@ -97,7 +106,7 @@ def _constrained(study: Reduced, whole: Bounds) -> Bounds:
         surrogate=None,
         range_of="",
         run_doubts=(*whole.run_doubts, *([few] if len(points) < FEW else [])),
-        remarks=(*whole.remarks, told),
+        remarks=tuple(remarks),
         **details,
     )
 

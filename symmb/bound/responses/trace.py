@@ -8,8 +8,8 @@ import numpy as np
 
 from symmb import _html as html
 from symmb._options import optional_package
-from symmb._table import aligned
-from symmb._types import Indices
+from symmb._table import aligned, apart
+from symmb._types import Array, Indices
 from symmb.results.files import Record
 
 if TYPE_CHECKING:
@@ -29,9 +29,27 @@ class Rule(NamedTuple):
 
 
 _FINER = "A smaller tolerance adds nodes and check runs, which reduce it."
-ENDED = "The study ended before its tolerance was reached; a larger budget=, or more time by seconds=, may reduce it."
+
+
+def tolerance_remark(outputs: Sequence[str], tolerance: float, errors: Array) -> str:
+    """A remark if the relative error (n_y,) of an output exceeds the tolerance; otherwise an empty text."""
+    error = float(np.max(errors, initial=0.0))
+    if error <= tolerance:
+        return ""
+    asked, told = apart(tolerance, error)
+    name = outputs[int(np.argmax(errors))]
+    return (
+        f"The tolerance {asked} of the method was not reached: the estimated error of {name} is {told} times its width."
+    )
+
+
+USED_UP = "Its runs or its time were used up."
+"""The end of a remark on a tolerance that was not reached."""
+ENDED = "The study used up its runs or its time; a larger budget=, or more time by seconds=, may reduce it."
 """The remedy if runs or time were used up."""
-_NEAR = "A smaller tolerance or a larger budget adds runs near the extremes, which reduce it."
+STALLED = "Further runs reduced it too slowly. Studies of parts of the box, or a smaller tolerance, may reduce it."
+"""The remedy if the study ended for another reason before its tolerance was reached, such as kinks and cusps."""
+_NEAR = "A smaller tolerance adds runs near the extremes, which reduce it."
 RULES = {
     "exact": Rule("All runs have the same value.", "No run would reduce it."),
     "decay": Rule("It follows from the last coefficients of the polynomial and from their decay.", _FINER),

@@ -64,6 +64,8 @@ class Subject:
             scene = given if times is None else given.with_times(times)
             scene = scene if outputs is None else scene.with_outputs(outputs)
             return cls(scene, solver, None if device is None else _card(device))
+        if isinstance(given, type):
+            raise DeclarationError(f"Expected a Scene or a simulator, got the class {given.__name__}. Make one of it.")
         if not hasattr(given, "outputs"):
             if owner:
                 raise DeclarationError(f"{owner}: expected a Scene or a simulator, got {shown(given)}.")
@@ -196,7 +198,7 @@ def scene_of(subject: Scene | Simulator) -> Scene:
     scene = subject.scene if isinstance(subject, DAESimulator) else subject
     if isinstance(scene, Scene):
         return scene
-    if hasattr(subject, "outputs"):
+    if hasattr(subject, "outputs") and not isinstance(subject, type):
         raise DeclarationError(f"Expected a Scene, but {subject!r} is a simulator. For runs, call its method run(P).")
     raise DeclarationError(f"Expected a Scene, got {type(subject).__name__}. {_SCENE}")
 
