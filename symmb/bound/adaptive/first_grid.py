@@ -145,7 +145,7 @@ class _Confirmed:
 
     def _may_have_kinks(self) -> Mask:
         """Mask (n_y,) of the outputs whose coefficients decrease slowly at some times. Few runs are near a kink."""
-        allowed = SLOW_ERROR * self._runs.rms_widths()
+        allowed = max(SLOW_ERROR, self._tolerance) * self._runs.rms_widths()
         return np.asarray((self._truncation.slow & (self._truncation.directions > allowed)).any(axis=(0, 1)))
 
     @cached_property
