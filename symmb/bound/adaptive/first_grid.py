@@ -32,6 +32,8 @@ smooth take more runs."""
 SLOW_ERROR = 5e-2
 """Largest error from slowly decreasing coefficients, over the width of the output. Larger errors may be from kinks, for
 which other studies look."""
+SHARE = 4
+"""Ratio of the budget to the runs of a first grid. Other studies of a small budget need the rest."""
 FAR = 10.0
 """Ratio of the error to the tolerance above which degrees increase by two steps. One step halves errors at least."""
 
@@ -53,6 +55,7 @@ class FirstGrid(JointStudy):
     small_degrees : `degrees` if runs take longer than a decision. The other numbers are then halved
     rounds, largest : largest number of grids, and of nodes of a grid. With larger numbers, outputs that are not smooth
         take more runs
+    resumes : whether a grid that was not good enough grows
     """
 
     degrees: tuple[int, ...] = (6, 4)
@@ -62,12 +65,21 @@ class FirstGrid(JointStudy):
     small_degrees: tuple[int, ...] = (4, 2)
     rounds: int = 6
     largest: int = 1000
+    resumes: bool = False
 
     name = "first grid"
-    when = "runs of a scene of two or more parameters cost less than decisions, and have no events"
+
+    @property
+    def when(self) -> str:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """The outputs that the study takes, in words."""
+        if self.resumes:
+            return "outputs are left open, as long as larger first grids reduce their errors"
+        return "runs of a scene of two or more parameters cost less than decisions, and have no events"
 
     def accepts(self, problem: Problem) -> bool:
         runs = problem.runs
+        if self.resumes:
+            return runs.first is not None and runs.events is None and bool(runs.ok.all())
         return runs.has_lanes and (grid := self._first(runs)) is not None and self._fits(runs, grid)
 
     def ranges(self, problem: Problem) -> tuple[dict[int, EstimatedRange], Mask]:
@@ -77,22 +89,23 @@ class FirstGrid(JointStudy):
         if d > MOST_PARAMETERS:  # most of the box is near corners, where sparse grids have their largest errors
             points[1:checks:2] = quasi_random_points(checks // 2, d)
             points = np.concatenate([points, corners(d)[:16] if d < 5 else screening_corners(d)[:12]])
-        grid, found, nothing = self._first(runs), None, ({}, np.zeros(runs.shape[1], dtype=bool))
-        for _ in range(self.rounds):
+        grid, found, nothing = runs.first or self._first(runs), None, ({}, np.zeros(runs.shape[1], dtype=bool))
+        for _ in range(self.rounds if self.resumes else 1):
             assert grid is not None
             rows = runs.at(grid.nodes) if len(runs) else runs.begin(grid.nodes, points)
             if runs.events is not None or not runs.ok.all():
                 return nothing
             runs.first, before = grid, np.inf if found is None else found.open_error
-            found = _Confirmed(runs, grid, runs.interpolant(grid, rows), tolerance)
+            found = _Confirmed(runs, grid, runs.interpolant(grid, rows), tolerance, problem.open)
             has_open = found.open_error > 0 or d <= MOST_PARAMETERS
-            if found.is_good.all() or not has_open or found.open_error > CONVERGING * before:
+            if found.is_good[problem.open].all() or not has_open or found.open_error > CONVERGING * before:
                 break
             if not self._fits(runs, grid := found.refined()):
                 break
         if found is None or not found.is_good.any():
             return nothing
         every, is_good = found.range()
+        is_good &= problem.open
         return every.columns(is_good), is_good
 
     def _first(self, runs: Runs) -> Grid | None:
@@ -109,7 +122,7 @@ class FirstGrid(JointStudy):
     def _fits(self, runs: Runs, grid: Grid) -> bool:
         """Whether the budget suffices for a grid and its check runs."""
         n, largest = len(grid.alpha), self.largest if runs.cost_little(self.operations) else self.largest // 8
-        return n <= largest and n + self.checks + runs.probes + 2 * len(runs.box) <= runs.most
+        return n <= largest and SHARE * (n + self.checks + runs.probes) <= runs.most
 
 
 class _Confirmed:
@@ -122,8 +135,9 @@ class _Confirmed:
     is_good : mask (n_y,) of the outputs with errors within the tolerance
     """
 
-    def __init__(self, runs: Runs, grid: Grid, expansion: Expansion, tolerance: float) -> None:
+    def __init__(self, runs: Runs, grid: Grid, expansion: Expansion, tolerance: float, is_open: Mask) -> None:
         self._runs, self._grid, self._expansion, self._tolerance = runs, grid, expansion, tolerance
+        self._is_open = is_open
         self._look()
 
     def _look(self) -> None:
@@ -138,7 +152,7 @@ class _Confirmed:
         doubtful = [of(self.evidence.error, high - low, runs.noise) for of in (is_doubtful, is_doubtful_in_window)]
         errors = relative_errors(self.evidence.error, runs.rms_widths())
         runs.tell("first grid", self.evidence.decisive(int(np.argmax(errors))), errors)
-        self.open_error = float(np.minimum(errors, 1.0)[errors > self._tolerance].sum())
+        self.open_error = float(np.minimum(errors, 1.0)[self._is_open & (errors > self._tolerance)].sum())
         self.is_good: Mask = (errors + RANGE_ERROR <= self._tolerance) & ~np.any(doubtful, axis=(0, 1))
         if len(runs.box) <= MOST_PARAMETERS:
             self.is_good &= ~self._may_have_kinks()
@@ -158,7 +172,7 @@ class _Confirmed:
 
         For more parameters, the grid with half as many further nodes.
         """
-        widths = np.where(self.is_good, np.inf, self._runs.rms_widths())
+        widths = np.where(self.is_good | ~self._is_open, np.inf, self._runs.rms_widths())
         own = self._expansion
         if len(self._runs.box) > MOST_PARAMETERS:
             sizes = (rms(own.coefficients.swapaxes(0, 1)) / widths).max(axis=1)

@@ -15,6 +15,7 @@ OF_AN_OUTPUT = SparseGrid(), Corners(), ResponseSurface(), SparseGrid(resumes=Tr
 ROW: tuple[JointStudy, ...] = (
     FirstGrid(),
     Waveforms(),
+    FirstGrid(resumes=True),
     TensorGrids(),
     PerOutput(OF_AN_OUTPUT),
     TensorGrids(resumes=True),

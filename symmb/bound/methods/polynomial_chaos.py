@@ -155,7 +155,7 @@ class PolynomialChaos(Method):
         --------
         >>> import symmb as mb
         >>> [study.name for study in mb.PolynomialChaos().studies][:3]
-        ['first grid', 'waveforms', 'tensor grids']
+        ['first grid', 'waveforms', 'first grid']
         """
         if self.order is not None:
             raise DeclarationError(f"{self!r} has one grid. PolynomialChaos() without order is a row of small studies.")
