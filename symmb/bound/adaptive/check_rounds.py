@@ -8,7 +8,7 @@ import numpy as np
 
 from symmb._magnitudes import SAME
 from symmb._types import Array, Mask
-from symmb.bound.adaptive.check_points import SAFETY, inflated_error, select_dispersed
+from symmb.bound.adaptive.check_points import FIELD_SAFETY, SAFETY, inflated_error, select_dispersed
 from symmb.bound.adaptive.continuation import REMAINING_SHARE, SPARSE_PROBES, SPARSE_RANGE, Continuation, Corrected
 from symmb.bound.adaptive.runs import OutputRuns, relative_rms
 from symmb.bound.adaptive.small_study import Checks, Places, Request, Steps
@@ -109,6 +109,7 @@ class CheckRounds:
     def steps(self) -> Steps:
         """Make rounds of check runs, and return the more accurate of two ranges."""
         runs = self.runs
+        self._safety = SAFETY if runs.may_hide() else FIELD_SAFETY
         self._continuation = Continuation.of(self.grid, self.sizes)
         self._correct()
         few = Corrected(self.base, self._continuation, runs.points[:SPARSE_PROBES], runs.checks[:SPARSE_PROBES])
@@ -133,10 +134,10 @@ class CheckRounds:
                 break
             predicted = former.values(points)
             self._foreseen.add(predicted, Y, *extremes)
-            self._gains.append(inflated_error(np.square(runs.beyond(*extremes))))
+            self._gains.append(inflated_error(np.square(runs.beyond(*extremes)), self._safety))
             errors = (Y - predicted) / self._remaining_share(points)[:, None, None]
             errors = errors[n_beside:] if n_beside < len(errors) else errors  # earlier errors are near known runs
-            self._observed = (1 + 1 / len(errors)) * inflated_error(np.mean(np.square(errors), axis=0))
+            self._observed = (1 + 1 / len(errors)) * inflated_error(np.mean(np.square(errors), axis=0), self._safety)
             self._correct()
             share = self._remaining_share(self._places)
             self._remaining = share.max(axis=0) * np.maximum(self._observed, REMAINING_SHARE * self.estimate)
@@ -183,8 +184,8 @@ class CheckRounds:
         errors = [("check runs", self._remaining, self._upper - self._lower, part)]
         if self.has_corners and len(self._gains) > 2 * LEAST_ROUNDS - 1:
             swings = swings_at_extremes(self.runs)[1].max(axis=0)
-            beside = SAFETY * self._beside.share(self._beside.attained) * swings
-            gained = np.max([*self._gains[-LEAST_ROUNDS:], growth_inside(self.runs), beside], axis=0)
+            beside = self._safety * self._beside.share(self._beside.attained) * swings
+            gained = np.max([*self._gains[-LEAST_ROUNDS:], growth_inside(self.runs, self._safety), beside], axis=0)
             errors.append(("gains", gained, highest - lowest, foreseen.attained))
         return [
             Evidence.of(rule, spread_over_times(error, width) if spread else error).at_least(
@@ -203,7 +204,7 @@ class CheckRounds:
         (lowest, highest), (below, above) = runs.extremes, self._unattained()
         # Before the first event, all runs agree with the interpolant. The error is not raised there.
         seen = np.square(runs.checks - self.base.values(runs.points)).max(axis=0, initial=0.0)
-        agreed = inflated_error(seen) + np.maximum(below, above)
+        agreed = inflated_error(seen, self._safety) + np.maximum(below, above)
         # No error is larger than the width.
         errors = [
             each.at_most("check runs", agreed).at_most("unseen", highest - lowest) for each in self._errors(spread=True)
@@ -244,7 +245,7 @@ def points_beside(places: Array) -> Array:
     return np.unique(np.clip(places[:, None] + steps, -1.0, 1.0).reshape(-1, places.shape[1]), axis=0)
 
 
-def growth_inside(runs: OutputRuns) -> Array:
+def growth_inside(runs: OutputRuns, safety: float) -> Array:
     """Expected errors (n_t, 1) of the extremes of runs: the gain from twice as many runs that are not at corners.
 
     The error is 0 if no run exceeds the extremes at corners.
@@ -256,7 +257,7 @@ def growth_inside(runs: OutputRuns) -> Array:
         ends, inside = values[is_corner].max(axis=0, initial=-np.inf), values[~is_corner]
         halves = [np.maximum(half.max(axis=0), ends) for half in (inside[::2], inside[1::2])]
         growth = np.maximum(growth, np.maximum(*halves) - np.mean(halves, axis=0) - runs.noise)
-    return SAFETY * inflated_error(np.square(np.maximum(growth, 0.0)))
+    return safety * inflated_error(np.square(np.maximum(growth, 0.0)), safety)
 
 
 def separable_extremes(points: Array, Y: Array) -> Array:
