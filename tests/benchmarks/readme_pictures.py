@@ -37,6 +37,8 @@ def comparison(folder: Path) -> None:
     numbers = folder / "out.npz"
     subprocess.run([sys.executable, "-m", "symmb", "compare", "double_pendulum", "--save", numbers], check=True)
     figure = mb.Comparison.load(numbers).plot(outputs="theta2_dot", figsize=INCHES)
+    for legend in figure.subfigs[0].legends:  # colours are those below
+        legend.remove()
     figure.savefig(folder / "compare.png", dpi=200)
 
 
