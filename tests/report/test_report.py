@@ -93,8 +93,8 @@ def test_numbers_are_those_of_the_result(scene_report):
 def test_the_order_of_the_parts_and_that_nothing_is_loaded_from_elsewhere(scene_report):
     _, text, found, page = scene_report
     answers = ["Result", "What to do next", "Curves", "The mechanism", "Assumptions"]
-    annex = ["Limits", "Bounds", "Worst cases", "What each parameter contributes", "The start"]
-    assert found == [*answers, *annex, "Settings", "Cost", "How to repeat it", "Equations"]
+    annex = ["Limits", "Bounds", "How the errors were found", "Worst cases", "What each parameter contributes"]
+    assert found == [*answers, *annex, "The start", "Settings", "Cost", "How to repeat it", "Equations"]
     assert page.index("Assumptions</h2>") < page.index('id="annex"') < page.index("Limits</h2>")
     equations = rolling().system.equations()
     assert "M q̈ = Q" in equations
