@@ -149,6 +149,7 @@ STUDY = """
 import sys, time, warnings
 import numpy as np
 import symmb as mb
+from symmb.bound.reductions import bounded
 
 warnings.simplefilter("ignore")
 TIMES = np.linspace(0.0, 1.0, 11)
