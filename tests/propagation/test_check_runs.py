@@ -109,7 +109,7 @@ def test_a_comparison_has_the_doubts_of_its_studies(tmp_path):
     assert reloaded(found, tmp_path / "c.json").rows[0].doubts == found.rows[0].doubts
 
 
-@pytest.mark.parametrize("budget", [60, 90])
+@pytest.mark.parametrize("budget", [20, 30])
 def test_a_comparison_doubts_what_its_studies_doubt(budget):
     scene, method = oscillator(200), mb.PolynomialChaos(budget=budget)
     told = "The estimated error is above 10 % of the width"

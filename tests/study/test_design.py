@@ -153,7 +153,7 @@ def test_a_front_of_comfort_and_cost_of_a_suspension_with_a_bump_stop():
         assert worst([*point.values.values()], [*point.factors.values()], every) == pytest.approx(value, rel=5e-3)
         brute = differential_evolution(at_cost, [*ranges.values(), *[(-1.386, 1.386)] * 2], seed=1, maxiter=40)
         assert value < 1.01 * brute.fun
-    assert found.runs <= 2000 and found.values in [point.values for point in found.front]
+    assert found.runs <= 2300 and found.values in [point.values for point in found.front]
     nominal = mb.design(scene, ranges, ("acceleration", "upper"), box=mb.Box(payload=(80.0, 80.0)))
     robust = mb.design(scene, ranges, ("acceleration", "upper"))
     assert worst([*robust.values.values()], [1, 1]) < worst([*nominal.values.values()], [1, 1])
