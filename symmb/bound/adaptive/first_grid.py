@@ -52,7 +52,8 @@ class FirstGrid(JointStudy):
     checks : number of further runs, evenly spread over the box
     operations : largest number of operations of a step's stage at which a run takes less time than a decision: 0.2 ms
         (971 operations in 462 steps)
-    small_degrees : `degrees` if runs take longer than a decision. The other numbers are then halved
+    small_degrees : `degrees` if runs take longer than a decision. First nodes and check runs are then halved, and the
+        largest number of nodes is an eighth
     rounds, largest : largest number of grids, and of nodes of a grid. With larger numbers, outputs that are not smooth
         take more runs
     resumes : whether a grid that was not good enough grows
