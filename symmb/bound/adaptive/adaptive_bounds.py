@@ -91,7 +91,7 @@ def adaptive_bounds(
         run_doubts=(*doubts, *_of_noise(runs)),
         remarks=(*remarks, *_of_rounding(runs, is_noise)),
         range_of=estimated.surrogate,
-        trace=Trace(tuple(runs.steps), evidence.rule),
+        trace=Trace(tuple(runs.rounds.steps), evidence.rule),
     )
     del runs  # frees memory: the polynomials need as much as the runs
     found = estimated.polynomials and estimated.polynomials()

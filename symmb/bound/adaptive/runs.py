@@ -7,7 +7,6 @@ import numpy as np
 
 from symmb._errors import PropagationError
 from symmb._magnitudes import LAST_DIGITS, SAME
-from symmb._names import counted
 from symmb._types import Array, Executor, Indices, Mask
 from symmb.bound.adaptive.check_points import SAFETY, has_few_shapes, quasi_random_points
 from symmb.bound.adaptive.clock import Clock
@@ -16,7 +15,7 @@ from symmb.bound.polynomials import Expansion, TotalDegree, basis_values
 from symmb.bound.responses import (
     DOUBTFUL,
     Failure,
-    Step,
+    Rounds,
     failure_records,
     failure_text,
     find_failed_region,
@@ -72,7 +71,7 @@ class Runs:
     extremes : smallest and largest responses of all runs (n_t, n_y)
     first : the largest grid of `first_grid`; None before it is run
     lack : whether a study needed more runs than are left
-    steps : the rounds of the study until now
+    rounds : the rounds of the study until now, for its trace
     """
 
     simulator: Simulator
@@ -109,8 +108,7 @@ class Runs:
         self._row: dict[bytes, int] = {}
         self.first: Grid | None = None
         self.lack = False
-        self.steps, self._last = list[Step](), dict[str, float]()
-        self._made: dict[str, int] = dict.fromkeys(("node", "check run", "noise run"), 0)
+        self.rounds = Rounds()
 
     def __len__(self) -> int:
         """Number of runs so far, including failed runs."""
@@ -134,7 +132,7 @@ class Runs:
     def anew(self) -> "Runs":
         """An empty set of runs with the required powers, and the number of runs that are left."""
         runs = replace(self, before=len(self), events=None, failed=())
-        runs._least_power, runs.steps = self._least_power, self.steps
+        runs._least_power, runs.rounds = self._least_power, self.rounds
         return runs
 
     @property
@@ -168,7 +166,7 @@ class Runs:
         """Rows of the first nodes (N, d). The nodes and the first check points (C, d) are run together."""
         n = len(nodes)
         Y, ok, events = self._run(np.concatenate([nodes, points]))
-        self._made |= {"node": n, "check run": len(points)}
+        self.rounds.made |= {"node": n, "check run": len(points)}
         self._store(nodes, Y[:n], ok[:n], None if events is None else events[:n], None)
         self.checks, self.points = Y[n:][ok[n:]], points[ok[n:]]
         return np.arange(n)
@@ -211,11 +209,7 @@ class Runs:
         if hasattr(self.progress, "estimate"):
             self.progress.estimate(after)  # pyright: ignore[reportFunctionMemberAccess, reportOptionalMemberAccess]
         output = self.simulator.outputs[k if columns is None else columns[k]]
-        made = {name: n for name, n in self._made.items() if n}
-        request = ", ".join(counted(n, name) for name, n in made.items()) or "none"
-        before, self._last[output] = self._last.get(output, np.nan), after
-        self.steps.append(Step(len(self.steps) + 1, study, request, sum(made.values()), output, before, after, rule))
-        self._made = dict.fromkeys(self._made, 0)
+        self.rounds.add(study, rule, output, after)
 
     def rms_widths(self) -> Array:
         """Root mean square widths (n_y,), the units of errors; infinite if a width is only rounding."""
@@ -271,7 +265,7 @@ class Runs:
         """What `_run` returns. The runs are counted for the next step of the trace."""
         before = len(self)
         found = self._run(points)
-        self._made[purpose] += len(self) - before
+        self.rounds.made[purpose] += len(self) - before
         return found
 
     def _run(self, points: Array) -> tuple[Array, Mask, Indices | None]:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from symmb import _html as html
+from symmb._names import counted
 from symmb._options import optional_package
 from symmb._table import aligned, apart
 from symmb._types import Array, Indices
@@ -93,6 +94,28 @@ class Step:
     before: float
     after: float
     rule: str
+
+
+class Rounds:
+    """The rounds of a study until now, and the runs since the last round.
+
+    Attributes
+    ----------
+    steps : the rounds
+    made : numbers of runs since the last round, by their purpose
+    """
+
+    def __init__(self) -> None:
+        self.steps, self._last = list[Step](), dict[str, float]()
+        self.made: dict[str, int] = dict.fromkeys(("node", "check run", "noise run"), 0)
+
+    def add(self, study: str, rule: str, output: str, error: float) -> None:
+        """End a round, whose largest error over the width is that of an output. A rule decides it."""
+        made = {name: n for name, n in self.made.items() if n}
+        request = ", ".join(counted(n, name) for name, n in made.items()) or "no run"
+        before, self._last[output] = self._last.get(output, np.nan), error
+        self.steps.append(Step(len(self.steps) + 1, study, request, sum(made.values()), output, before, error, rule))
+        self.made = dict.fromkeys(self.made, 0)
 
 
 @dataclass(frozen=True, eq=False)
