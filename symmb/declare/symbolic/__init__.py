@@ -11,6 +11,7 @@ from symmb.declare.symbolic.geometry import (
     components,
     conjugate,
     has_irregular_constant,
+    irregular_part,
     is_zero,
     product,
     quaternion_rate,

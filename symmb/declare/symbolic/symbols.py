@@ -16,8 +16,8 @@ from symmb._names import normal
 from symmb._options import shown
 from symmb.declare.symbolic.given import given
 
-if hasattr(ca.GlobalOptions, "setNumpyMode") and ca.GlobalOptions.getNumpyMode() == 0:
-    ca.GlobalOptions.setNumpyMode(-1)  # NumPy's functions take expressions, as before CasADi 3.8, without a notice
+if ca.GlobalOptions.getNumpyMode() == 0:
+    ca.GlobalOptions.setNumpyMode(-1)  # NumPy's functions take expressions without a notice
 
 _casadi_bool = ca.SX.__bool__
 

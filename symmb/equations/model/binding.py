@@ -10,17 +10,7 @@ from symmb._errors import DeclarationError, Faults, faults_of
 from symmb._names import did_you_mean, shown
 from symmb._types import Array, Expr
 from symmb.declare.mechanics import Body, Input, OwnState, Parameters, declared_with
-from symmb.declare.symbolic import (
-    Kind,
-    Symbol,
-    from_sympy,
-    given,
-    has_irregular_constant,
-    is_sympy,
-    lookup,
-    records_in,
-    t,
-)
+from symmb.declare.symbolic import Kind, Symbol, from_sympy, given, irregular_part, is_sympy, lookup, records_in, t
 
 
 class Binding:
@@ -96,7 +86,12 @@ class Binding:
         """Raise if an expression has NaN, infinity or unknown symbols. `also` has hashes of further known symbols."""
         if expression.is_constant() and np.isinf(np.array(ca.DM(expression))).any():
             raise DeclarationError(f"{what} is infinite. Give a finite number.")
-        if has_irregular_constant(expression):
+        if (part := irregular_part(expression)) == "erfinv":
+            raise DeclarationError(
+                f"{what}: contains erfinv, whose values in CasADi have errors of 2e-6 and jump at 0.7. Use a table of "
+                "its values, mb.Table(...)."
+            )
+        if part:
             raise DeclarationError(
                 f"{what}: contains NaN or infinity. Use casadi.sin(mb.t) instead of math.sin(mb.t), because "
                 "Python's math gives NaN for expressions. Do not mix CasADi and SymPy in one expression."
