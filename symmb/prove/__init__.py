@@ -18,5 +18,6 @@ from symmb.prove.boxes import Enclosure, enclose
 from symmb.prove.interval import Interval, operate, parameter_intervals
 from symmb.prove.outputs import EXTRA_NODES
 from symmb.prove.problem import SINGULAR, Problem
+from symmb.prove.rounding import require_rounding_to_nearest
 from symmb.prove.scene_problem import problem_of
 from symmb.prove.start import NO_START

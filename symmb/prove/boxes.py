@@ -18,7 +18,7 @@ from symmb.prove.orders import with_orders
 from symmb.prove.outputs import OutputBounds, output_bounds
 from symmb.prove.pass_outputs import half_step
 from symmb.prove.problem import Problem
-from symmb.prove.rounding import LARGEST_ZERO
+from symmb.prove.rounding import LARGEST_ZERO, require_rounding_to_nearest
 from symmb.prove.start import constant_step, nominal_front
 
 _EARLY_REMAINDER = 1e-7
@@ -132,6 +132,7 @@ def enclose(
     executor : executor of the parts, as in `finished`; None: the calling thread
     progress : called with the proved fraction of the horizon
     """
+    require_rounding_to_nearest()
     if problem.n:
         problem, order = with_orders(problem, order)
         problem = with_clock(problem)
@@ -190,6 +191,7 @@ def _followed(
 
 def _continued(order: int, patience: float, tell: Callable[[_Part, float], None] | None, part: _Part) -> Course:
     """The course of a part, continued to the end or until the patience is lost."""
+    require_rounding_to_nearest()  # a part may be proved in another process
     march(part.problem, order, part.course, part.small, patience, lambda t: tell(part, t) if tell else None)
     return part.course
 

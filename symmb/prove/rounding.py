@@ -7,6 +7,8 @@ from typing import TypeVar
 
 import numpy as np
 
+from symmb._errors import PropagationError
+
 T = TypeVar("T", float, np.ndarray)
 
 U = 2.0**-53
@@ -20,6 +22,19 @@ LARGEST_ZERO = 1e-250
 """Bounds up to this size belong to an exact 0. They only cover underflow."""
 ERROR_OF_MODULI = 1e-9
 """Relative part of a sum of moduli that covers the rounding of the terms, the centres and the radii."""
+
+
+def require_rounding_to_nearest() -> None:
+    """Raise PropagationError if the arithmetic of this thread does not round to nearest, or loses small numbers.
+
+    Libraries of interval arithmetic, among others, change the rounding mode of the thread that imports them.
+    """
+    one, little, least = np.array([1.0, 2.0**-54, 2.0**-1022])
+    if not (one + little == one == one - little and least / 2 > 0):
+        raise PropagationError(
+            "Proofs need arithmetic that rounds to nearest, but another library has changed the rounding mode of this "
+            "process. Run the proof in a process of its own, or load that library after it."
+        )
 
 
 def above(bound: T) -> T:

@@ -1,6 +1,8 @@
 """Numbers with bounds of rounding, and discs, against mpmath in 40 digits."""
 
+import ctypes
 import itertools
+import platform
 
 import casadi as ca
 import mpmath
@@ -9,6 +11,7 @@ import pytest
 from enclosure_samples import EXACT
 from faults import refused
 
+import symmb as mb
 from symmb.prove import discs, points, taylor_models
 from symmb.prove.errors import ProofError
 
@@ -208,3 +211,27 @@ def test_slopes_beside_a_branch_point(name, argument):
     for error in (off, -off):
         value, bound, *_ = _of(points, name)(points.point(argument, off))
         assert _off(EXACT[name](mpmath.mpf(argument) + mpmath.mpf(error)), value) <= bound
+
+
+@pytest.fixture
+def rounding():
+    """Set the rounding mode of this thread, and restore it afterwards."""
+    if platform.machine() != "x86_64" or platform.system() != "Linux":
+        pytest.skip("numbers of rounding modes are those of x86-64 Linux")
+    libm = ctypes.CDLL("libm.so.6")
+    before = libm.fegetround()
+    yield libm.fesetround
+    libm.fesetround(before)
+
+
+@pytest.mark.parametrize("mode", (0x400, 0x800, 0xC00), ids=("down", "up", "to zero"))
+@pytest.mark.parametrize("method", (mb.TaylorModel(), mb.IntervalArithmetic()), ids=repr)
+def test_proofs_refuse_arithmetic_that_does_not_round_to_nearest(rounding, method, mode):
+    p = mb.Parameters(x=0.5)
+    scene = mb.Scene(mb.System(parameters=p), outputs={"f": p.x**3 - 2 * p.x**2 + p.x}, box=mb.Box(x=(0.0, 1.0)))
+    assert mb.propagate(scene, method).kind == "enclosure"
+    assert not rounding(mode)
+    try:
+        refused("rounds to nearest", mb.propagate, scene, method, error=mb.PropagationError)
+    finally:
+        rounding(0)

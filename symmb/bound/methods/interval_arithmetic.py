@@ -11,7 +11,7 @@ from symmb.bound.answers import Bounds, Kind
 from symmb.bound.methods.method import Method
 from symmb.bound.responses import RunsOverBox
 from symmb.declare.symbolic import interpret
-from symmb.prove import Interval, operate, parameter_intervals
+from symmb.prove import Interval, operate, parameter_intervals, require_rounding_to_nearest
 
 
 @dataclass(frozen=True)
@@ -52,6 +52,7 @@ class IntervalArithmetic(Method):
                 f"{self!r}: outputs must be plain expressions of parameters and time, "
                 f"but {simulator!r} integrates or calls a function. Use MonteCarlo or PolynomialChaos."
             )
+        require_rounding_to_nearest()
         inputs = [parameter_intervals(simulator.parameters, box), [Interval.exactly(simulator.times)] * f.nnz_in(1)]
         values = interpret(f, inputs, operate, Interval.exactly)[0]
         # Outputs that are structurally zero have no entry.
