@@ -58,24 +58,24 @@ class Yardstick:
     @property
     def zero_width(self) -> npt.NDArray[np.bool_]:
         """(n_y,) True if the output is the same at all points of the box. Its errors are absolute."""
-        return _largest(self.upper - self.lower) <= self._negligible
+        return _largest(self._width) <= self._negligible
 
     def relative(self, deviation: Array) -> Array:
         """Rms (n_y,) of deviations (..., n_y), divided by the rms of the reference's width.
 
         If an output has no width, deviations up to 1e-9 of its scale are 0, and larger deviations are absolute.
         """
-        return _rms(self._counted(deviation)) / self._unit(_rms(self.upper - self.lower))
+        return _rms(self._counted(deviation)) / self._unit(_rms(self._width))
 
     def deviation(self, lower: Array, upper: Array) -> Array:
         """Error (n_y,) of the bounds lower, upper (n_t, n_y), in the norm of `Score.error`."""
-        return self.relative(np.stack([lower - self.lower, upper - self.upper]))
+        return self.relative(np.stack([_minus(lower, self.lower), _minus(upper, self.upper)]))
 
     def score(self, lower: Array, upper: Array, estimate: Array | None = None) -> Score:
         """Measure bounds lower, upper (n_t, n_y); `estimate` (n_t, n_y) gives the outer bounds."""
         outer_lower = lower if estimate is None else lower - estimate
         outer_upper = upper if estimate is None else upper + estimate
-        outward = np.stack([self._counted(self.lower - lower), self._counted(upper - self.upper)])
+        outward = np.stack([self._counted(_minus(self.lower, lower)), self._counted(_minus(upper, self.upper))])
         tolerance = self._tolerance()
         inside = (outer_lower <= self.lower + tolerance) & (outer_upper >= self.upper - tolerance)
         return Score(
@@ -85,6 +85,11 @@ class Yardstick:
             under=self._share(np.maximum(-outward, 0.0)),
             coverage=inside.mean(axis=0),
         )
+
+    @property
+    def _width(self) -> Array:
+        """The width (n_t, n_y); 0 if an end is infinite, because an event never happens in some runs."""
+        return np.where(np.isinf(self.lower) | np.isinf(self.upper), 0.0, _minus(self.upper, self.lower))
 
     @property
     def slack(self) -> Array:
@@ -108,18 +113,23 @@ class Yardstick:
 
     def _share(self, amounts: Array) -> Array:
         """Mean over time of the sum of amounts (2, n_t, n_y) at both bounds, divided by the mean width."""
-        return amounts.sum(axis=0).mean(axis=0) / self._unit((self.upper - self.lower).mean(axis=0))
+        return amounts.sum(axis=0).mean(axis=0) / self._unit(self._width.mean(axis=0))
 
     def _tolerance(self) -> Array:
-        width = self.upper - self.lower
+        width = self._width
         known = np.where(np.isnan(self.uncertainty), 0.0, self.uncertainty)
         uncertainty = known * self._unit(_rms(width))
         share = np.maximum(SLIGHT * _largest(width), uncertainty)  # allowed distance outside of bounds
         return np.where(self.zero_width, np.maximum(share, self._negligible), share)
 
 
+def _minus(a: Array, b: Array) -> Array:
+    """The difference a - b; 0 if both are infinite."""
+    return np.subtract(a, b, out=np.zeros(np.shape(a)), where=a != b)
+
+
 def _largest(values: Array) -> Array:
-    return np.abs(values).max(axis=tuple(range(values.ndim - 1)))
+    return np.abs(values).max(axis=tuple(range(values.ndim - 1)), initial=0.0, where=np.isfinite(values))
 
 
 def _rms(values: Array) -> Array:

@@ -73,14 +73,14 @@ class Answers(Envelope):
             estimate = np.nan if self.estimate is None else float(self.estimate[i, k])
             about = parameters, sample.value, upper - lower, varied, times, units[k], chosen, estimate, runs.simulator
             case = WorstCase(self.names[k], side, lower if side == "lower" else upper, time, *about)
-            cases.append(self._at_extreme(case, place) if case.is_short else case)
+            cases.append(self._at_extreme(case, place, runs) if case.is_short else case)
         return cases
 
-    def _at_extreme(self, case: WorstCase, place: Place) -> WorstCase:
+    def _at_extreme(self, case: WorstCase, place: Place, runs: AttainingRuns) -> WorstCase:
         """The run at the extreme of the polynomials if it is closer to the bound; otherwise the given case."""
-        if self.surrogate is None or self.study is None or self.box is None:
-            return case
         side, i, k = place
+        if self.surrogate is None or self.study is None or self.box is None or k in runs.others:
+            return case
         one = np.ones(len(self.box))
         point = self.surrogate.part([i], [k]).range(-one, one)[2][SIDES.index(side), 0]
         try:
@@ -179,7 +179,7 @@ class Answers(Envelope):
         """
         acts = box.radius > 0
         if self.surrogate is not None:
-            rounding = ROUNDING * np.abs([self.lower, self.upper]).max(axis=(0, 1), initial=0.0)
+            rounding = ROUNDING * self.scale
             floor = np.maximum(rounding, 0.0 if self.noise is None else self.noise)
             acts &= self.surrogate.part(slice(None), columns).acting(floor[[*columns]])
         return tuple(name for name, is_acting in zip(box.names, acts, strict=True) if is_acting)
@@ -333,7 +333,7 @@ class Answers(Envelope):
         estimate = adaptive.estimate if adaptive.estimate is not None else adaptive.surrogate.error
         own = self.t, self.names, self.units, self.box, np.clip(point, -1.0, 1.0)
         runs = 0 if adaptive is self else adaptive.evaluations
-        scale = np.abs([self.lower, self.upper]).max(axis=(0, 1), initial=0.0)
+        scale = self.scale
         floor = SAME * scale if adaptive.noise is None else adaptive.noise
         ranges = adaptive.lower, adaptive.upper, estimate, floor, surrogate, is_good, self.study
         return Responses(*own, *ranges, adaptive.method, runs, tuple(remarks))

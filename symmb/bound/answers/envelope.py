@@ -163,14 +163,22 @@ class Envelope(WithWarnings):
         texts = [f"from {begin:g} s" if last == end else f"from {begin:g} to {last:g} s" for begin, last in spans]
         return " " + " and ".join(texts)
 
+    @property
+    def scale(self) -> Array:
+        """Largest finite size (n_y,) of the bounds over time."""
+        ends = np.abs([self.lower, self.upper])
+        return np.asarray(ends.max(axis=(0, 1), initial=0.0, where=np.isfinite(ends)))
+
     def _scaled(self, estimate: Array) -> tuple[Array, Array, Array]:
         """Estimated error and width, each (n_t, n_y), and the noise or rounding (n_y,), scaled by powers of two.
 
-        The scaling prevents overflow and underflow of squares.
+        The scaling prevents overflow and underflow of squares. If an end is infinite, error and width are 0.
         """
-        scale = np.abs([self.lower, self.upper]).max(axis=(0, 1), initial=0.0)
+        is_open = np.isinf(self.lower) | np.isinf(self.upper)
+        lower, upper, estimate = (np.where(is_open, 0.0, each) for each in (self.lower, self.upper, estimate))
+        scale = self.scale
         power = np.frexp(scale)[1]
-        lower, upper = np.ldexp([self.lower, self.upper], -power)
+        lower, upper = np.ldexp([lower, upper], -power)
         floor = SAME * scale if self.noise is None else self.noise
         return np.ldexp(estimate, -power), upper - lower, np.ldexp(floor, -power)
 

@@ -84,12 +84,13 @@ class Excess:
         """Make runs at points (N, d), and return the largest excess (N,) of each over time; -inf if a run fails."""
         if self.has_peaks:
             own = self._study.extremes((self._bounds.names[self._k],), points)[SIDES.index(self.side), :, 0]
-        else:
-            own = self._sign * (self._sign * self._study.attempted(points)[0][:, :, self._k]).max(axis=1)
-        return self.add(points, own)
+            return self.add(points, own)
+        values, failed = self._study.of_output(self._k, points)
+        self.failed -= int(np.isnan(values[:, 0]).sum()) - failed
+        return self.add(points, self._sign * (self._sign * values).max(axis=1))
 
     def add(self, points: Array, own: Array) -> Array:
-        """Count runs at points (N, d) with known extremes (N,), and return their excess (N,)."""
+        """Count runs at points (N, d) with known extremes (N,), nan if they failed, and return their excess (N,)."""
         excess = np.nan_to_num(self._sign * (own - self._limit), nan=-np.inf)
         i = int(excess.argmax())
         self.first = self.first if self.runs else excess
@@ -113,7 +114,7 @@ class Excess:
         """The run with the largest excess. Other runs may be closer to the limit by `error`."""
         bounds, between = self._bounds, np.nan
         if not self.has_peaks or self.largest == -np.inf:
-            values = self._study.attempted(self.place[None])[0][0, :, self._k]
+            values = self._study.of_output(self._k, self.place[None])[0][0]
         else:
             times, Y = self._study.at_many_times(self.place)
             curves = [name for name in bounds.names if name not in bounds.figures]

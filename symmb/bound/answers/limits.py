@@ -302,7 +302,7 @@ def unit_suffix(bounds: Envelope, k: int) -> str:
 
 def rounding_of(bounds: Envelope, k: int) -> float:
     """Error of output k in a run, caused by rounding or noise."""
-    rounding = float(SAME * np.abs([bounds.lower[:, k], bounds.upper[:, k]]).max(initial=0.0))
+    rounding = float(SAME * bounds.scale[k])
     return rounding if bounds.noise is None else max(rounding, float(bounds.noise[k]))
 
 
@@ -321,7 +321,8 @@ def _decision(bounds: Envelope, k: int, low: float, high: float) -> _Decision:
     attained = bounds.inner or ((bounds.lower, bounds.upper) if bounds.kind == "sampled" else None)
     beyond = -np.inf if attained is None else max((low - attained[0][:, k]).max(), (attained[1][:, k] - high).max())
     if beyond > rounding:
-        return _Decision(False, "A run is beyond the limit.", margin)
+        why = f"In a run, {bounds.names[k]} never happens." if beyond == np.inf else "A run is beyond the limit."
+        return _Decision(False, why, margin)
     if doubt := _doubt(bounds, bounds.names[k]):
         return _Decision(None, f"{WARNED}: {shorten(doubt, 60, placeholder=' ...')}", margin)
     if beyond > 0:

@@ -175,7 +175,7 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
         if self.parts:
             return max(self.parts, key=lambda part: part.estimate[i, k]).why(output, float(self.t[i]))
         error, width = self.estimate[i, k], self.upper[i, k] - self.lower[i, k]
-        of_width = f", {100 * error / width:.2g} % of the width there" if width > 0 else ""
+        of_width = f", {100 * error / width:.2g} % of the width there" if 0 < width < np.inf else ""
         told = f"the estimated error of {output} is {error:.2g}{unit_suffix(self, k)}{of_width}"
         has_time = not is_timeless(self.t) and output not in self.figures
         begin = f"At t = {self.t[i]:g} s, {told}" if has_time else "T" + told[1:]

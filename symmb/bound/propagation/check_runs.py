@@ -32,6 +32,8 @@ _PREDICTED_VALUES = 256
 """Number of extremes, over outputs and times, that are predicted. A few times of each output suffice."""
 _SEARCHED_TIMES = 128
 """Largest number of times at which the surrogate's range is searched."""
+_WIDE = 1e100
+"""The width of bounds with an infinite end, of which runs show no error."""
 _MOST_CORNERS, _POINTS_INSIDE = 64, 64
 """Largest number of corners, and number of points inside of the box, in a search for the surrogate's range."""
 _OFF_CENTRE = 0.2, 0.4
@@ -78,10 +80,10 @@ class _Checks:
         self._simulator, self._box, self._executor = simulator, box, executor
         noise = noise_from_runs(simulator) if bounds.noise is None else bounds.noise
         self._bounds = bounds
-        largest = np.abs([bounds.lower, bounds.upper]).max(axis=(0, 1))
-        self.scale = np.where(largest > 0, largest, 1.0)
-        self._floor = np.full(len(largest), SAME) if noise is None else noise / self.scale
-        self._width = rms(bounds.upper / self.scale - bounds.lower / self.scale)
+        self.scale = np.where(bounds.scale > 0, bounds.scale, 1.0)
+        self._floor = np.full(len(self.scale), SAME) if noise is None else noise / self.scale
+        width = rms(bounds.upper / self.scale - bounds.lower / self.scale)
+        self._width = np.where(np.isfinite(width), width, _WIDE)
         self._lowest, self._highest = bounds.lower - self._floor * self.scale, bounds.upper + self._floor * self.scale
         self.n, self._outside, self._missed = 0, np.zeros((2, *bounds.lower.shape)), np.zeros((1, *bounds.lower.shape))
         self._failed, self._share, self._n_outside, self._n_missed = "", share, 0, 0
@@ -146,7 +148,8 @@ class _Checks:
         low = np.min([part.min(axis=0) for part in parts], axis=0)
         high = np.max([part.max(axis=0) for part in parts], axis=0)
         closest = np.linspace(0, len(times) - 1, n_t).round().astype(int)
-        return np.maximum([low - lower, upper - high], 0.0)[:, closest]
+        gap = np.maximum([low - lower, upper - high], 0.0)[:, closest]
+        return np.where(np.isfinite(gap), gap, 0.0)  # some events never happen
 
     def _where(self, error: Array, most: int = 3) -> str:
         """Errors (2, n_t, n_y) in words: the outputs with large errors, and the time from which errors are large."""

@@ -126,9 +126,10 @@ def idle_parameters(
     if bounds.surrogate is None:
         return [], 0
     ends = np.stack([bounds.lower, bounds.upper])[..., columns]
-    floor = ROUNDING * np.abs(ends).max(axis=(0, 1), initial=0.0)
+    floor = ROUNDING * bounds.scale[[*columns]]
     # A parameter may have no effect if its effect in polynomials, relative to the width, is below 1e-4.
-    small = np.maximum(floor, 1e-4 * (ends[1] - ends[0]).max(axis=0))
+    width = (ends[1] - ends[0]).max(axis=0)
+    small = np.where(np.isfinite(width), np.maximum(floor, 1e-4 * width), floor)
     idle = np.flatnonzero(~bounds.surrogate.part(slice(None), columns).acting(small) & (box.radius > 0))
     if not len(idle):
         return [], 0

@@ -19,7 +19,7 @@ from symmb.connect import Simulator, noise_from_runs
 from symmb.equations.model import Box, Scene
 from symmb.run.formulations import CardEnsemble
 from symmb.run.integrate import Solver
-from symmb.run.simulation import DAESimulator, FigureSimulator, SceneSimulator, Subject, motion_of
+from symmb.run.simulation import DAESimulator, FigureSimulator, SceneSimulator, Subject, motion_of, never_holds
 
 _FAILED = (
     "{} of {} runs failed: {}. Use a box without failures, or MonteCarlo(n, distributions=...). It omits failed runs."
@@ -153,6 +153,17 @@ class Study:
     def attempted(self, points: Array) -> tuple[Array, FailedRuns]:
         """Responses (N, n_t, n_y) at points (N, d) of the unit box, with nan for failed runs, and the failed runs."""
         return gathered(self.simulator, parameter_samples(self.simulator, self.box, points), None)
+
+    def of_output(self, k: int, points: Array) -> tuple[Array, int]:
+        """Values (N, n_t) of output k at points (N, d) of the unit box, and the number of failed runs.
+
+        The values are nan for failed runs, and for runs in which the condition of `value_at` never holds.
+        """
+        simulator, name = self.simulator, self.simulator.outputs[k]
+        if isinstance(simulator, FigureSimulator) and simulator.ends.get(name, 0.0) is None:
+            simulator = simulator.continued(simulator.ends.keys() - {name})
+        Y, bad = gathered(simulator, parameter_samples(simulator, self.box, points), None)
+        return Y[:, :, k], sum(never_holds(name) not in message for _, _, message in bad)
 
     def values(self, points: Array) -> Array:
         """Responses (N, n_t, n_y) at points (N, d) of the unit box. No run may fail."""

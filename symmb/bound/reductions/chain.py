@@ -7,7 +7,8 @@ from symmb._options import require_callable
 from symmb._types import Executor
 from symmb._units import units_of_parameters
 from symmb.bound.answers import Bounds
-from symmb.bound.methods import Method, bounds_of
+from symmb.bound.methods import Method
+from symmb.bound.reductions.absences import bounds_with_absences
 from symmb.bound.reductions.choices import Choices
 from symmb.bound.reductions.constraints import Constraints
 from symmb.bound.reductions.reduction import Reduced, Reduction
@@ -65,4 +66,4 @@ def bounded(
                     carry(interrupt, reduction.invert(study, [*parts, *left]))
                 raise
             return reduction.invert(study, parts)
-    return bounds_of(method, RunsOverBox(repr(method), simulator, box, executor, progress), method.bounds)
+    return bounds_with_absences(method, RunsOverBox(repr(method), simulator, box, executor, progress))

@@ -44,6 +44,10 @@ class RunsOverBox:
         self.times, self.outputs = np.asarray(simulator.times, dtype=float), tuple(simulator.outputs)
         self.evaluations, self.failed = 0, tuple[Failure, ...]()
 
+    def of(self, simulator: Simulator) -> "RunsOverBox":
+        """Runs of another simulator over the same box, of which none is made yet."""
+        return RunsOverBox(self._owner, simulator, self.box, self.executor, self.progress)
+
     @property
     def shape(self) -> tuple[int, int]:
         """Number of times and of outputs, (n_t, n_y)."""

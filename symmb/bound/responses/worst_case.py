@@ -1,7 +1,7 @@
 """The runs that attain bounds: their parameters, values and times."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -52,12 +52,14 @@ class AttainingRuns:
     blocks : tuple of (n, d)       samples that ran together
     ends : dict                    "lower", "upper" -> lowest, highest values (n_t, n_y)
     at : dict                      "lower", "upper" -> (n_t, n_y) numbers of the blocks that attain them
+    others : dict                  numbers of outputs with a study of their own -> the runs of this study
     """
 
     simulator: Simulator
     blocks: tuple[Array, ...]
     ends: Mapping[str, Array]
     at: Mapping[str, Indices]
+    others: "Mapping[int, AttainingRuns]" = field(default_factory=dict)
 
     @classmethod
     def of(cls, simulator: Simulator, attained: Attained) -> "AttainingRuns | None":
@@ -73,6 +75,9 @@ class AttainingRuns:
 
     def samples(self, places: Sequence[Place]) -> list[Sample]:
         """The runs that attain bounds at places. Each block of several samples is run again once."""
+        if any(output in self.others for _, _, output in places):
+            own = replace(self, others={})
+            return [self.others.get(place[2], own).samples([place])[0] for place in places]
         numbers = [int(self.at[side][time, output]) for side, time, output in places]
         samples: dict[int, Sample] = {}
         for number in dict.fromkeys(numbers):
@@ -183,9 +188,11 @@ class WorstCase:
         values = ", ".join(with_units({name: f"{self.parameters[name]:.6g}" for name in self.varied}, self.parameters))
         unit = f" {typeset(self.unit)}" if self.unit else ""
         text = f"{self._word} {self.output} {self.value + 0.0:.6g}{unit}{at_time(self._times, 0)}"
+        if self.value == np.inf:
+            text = f"{self.output} never happens"
         text += f": {', '.join(filter(None, [values, *self.choices]))}" if values or self.choices else ""
         short = f"; the closest run, with these parameters, attains {self.attained:.6g}{unit}"
-        return text + (short if self.is_short else "")
+        return text + (short if self.is_short and np.isfinite(self.value) else "")
 
     def __repr__(self) -> str:
         return f"WorstCase({self})"
@@ -199,6 +206,8 @@ class WorstCase:
     def of_record(cls, record: Record) -> "WorstCase":
         value, time, attained, width = (record.number(name) for name in ("value", "time", "attained", "width"))
         side, parameters = record.text("side", *SIDES), record.numbers("parameters")
+        if np.isnan(value):  # files have no infinite numbers
+            value, width = np.inf if side == "upper" else -np.inf, np.inf
         varied = record.texts("varied", default=tuple(parameters))
         times = record.whole("times", default=_SEVERAL_TIMES)
         unit = record.text("unit") if "unit" in record else ""

@@ -257,7 +257,7 @@ def first_time(condition: Expr, window: Window = None) -> Figure:
     ----------
     condition : SX
         comparison of expressions, or several comparisons joined by `casadi.logic_and` and `logic_or`. If the condition
-        never holds, a single run gives nan and a warning. In a study, such a run fails
+        never holds, a single run gives nan and a warning. In a study, the upper bound is then infinite
     window : (2,)
         first and last time [s] of the window; None for the start and the end of the run
 
@@ -276,7 +276,8 @@ def first_time(condition: Expr, window: Window = None) -> Figure:
 def value_at(expression: Expr, condition: Expr, window: Window = None) -> Figure:
     """The value of an expression when a condition holds for the first time, such as the range at landing.
 
-    If the expression jumps at this time, the result is the value before the jump.
+    If the expression jumps at this time, the result is the value before the jump. If the condition never holds, a
+    single run gives nan and a warning. A study bounds the value in the runs in which the condition holds.
 
     Examples
     --------

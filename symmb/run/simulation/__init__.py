@@ -6,7 +6,7 @@
 from symmb.run.simulation.dae_simulator import DAESimulator
 from symmb.run.simulation.derivatives import has_exact_jets
 from symmb.run.simulation.differences import HIGHEST_OF_DIFFERENCES, differences
-from symmb.run.simulation.figure_simulator import FigureSimulator, SceneSimulator, motion_of
+from symmb.run.simulation.figure_simulator import FigureSimulator, SceneSimulator, motion_of, never_holds
 from symmb.run.simulation.random_simulator import RandomSimulator
 from symmb.run.simulation.sensitivities import Sensitivities, sensitivities
 from symmb.run.simulation.single_run import parameter_values, simulate

@@ -1,6 +1,6 @@
 """Runs of a scene with scalar outputs ("figures"). Between the times of a run, curves over time are polynomials."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any, NamedTuple, TypeVar, cast
@@ -19,7 +19,7 @@ from symmb.equations.model import Scene
 from symmb.run.formulations import LOCK, CompiledEnsemble, Program, block_size
 from symmb.run.simulation.dae_simulator import DAESimulator
 from symmb.run.simulation.figure_values import TOUCHED, Curves, Rule
-from symmb.run.simulation.panels import ON_GRID, Panels
+from symmb.run.simulation.panels import ON_GRID, Panels, distinct, panel_nodes, with_stop
 
 S = TypeVar("S")
 
@@ -83,7 +83,7 @@ class FigureSimulator(WithWarnings):
         ]
         own.outputs, own.units, own._columns = tuple(rule.name for rule in rules), None, []
         own._hold(None, curves, rates, rules)
-        return own
+        return own.continued([name for name, end in own.ends.items() if end is not None])
 
     def _hold(self, scene: Scene | None, curves: DAESimulator, with_rates: Program, rules: list[Rule]) -> None:
         """Set the attributes that follow from the simulator of the curves and from the rules of scalar outputs."""
@@ -95,6 +95,7 @@ class FigureSimulator(WithWarnings):
         self.doubts: tuple[str, ...] = curves.start.doubts
         self.noise: Array | None = None
         self.nominal: Array | None = None
+        self._continued = frozenset[str]()
 
     def __repr__(self) -> str:
         return f"FigureSimulator({self.name!r}, {self.solver!r})"
@@ -107,6 +108,25 @@ class FigureSimulator(WithWarnings):
     def figures(self) -> tuple[str, ...]:
         """Names of the scalar outputs. Each run has one number for each scalar output."""
         return tuple(rule.name for rule in self.rules)
+
+    @property
+    def ends(self) -> dict[str, float | None]:
+        """The scalar outputs with a condition, and the last time that `first_time` can give; None for `value_at`."""
+        own = [rule for rule in self.rules if rule.kind in ("first_time", "value_at")]
+        return {rule.name: rule.end for rule in own}
+
+    def continued(self, names: Collection[str] | None = None) -> "FigureSimulator":
+        """The same simulator, whose runs do not fail if the conditions of scalar outputs never hold; default: of all.
+
+        At the end of the window, the condition then counts as true: studies need a value that is continuous if a
+        condition holds later and later.
+        """
+        continued = frozenset(self.ends) if names is None else frozenset(names)
+        if continued == self._continued:
+            return self
+        _, other = self._count, FigureSimulator.__new__(FigureSimulator)
+        vars(other).update(vars(self), _continued=continued, noise=None)
+        return other
 
     @property
     def setup_seconds(self) -> float:
@@ -136,6 +156,10 @@ class FigureSimulator(WithWarnings):
             self.doubts = (*self.doubts, f"The nominal run fails at {first.messages[0]}.")
             return
         self.nominal = first.Y[0]
+        if self._continued:
+            lacks = np.isnan(self.continued(())._values(P)[1][0])
+            never = [np.inf if self.ends.get(name) is not None else np.nan for name in self.outputs]
+            self.nominal = np.where(lacks, never, first.Y[0])
         if second.ok.all():
             noise += np.abs(second.Y[0] - first.Y[0]).max(axis=0)
         if self._columns:
@@ -153,12 +177,12 @@ class FigureSimulator(WithWarnings):
         with LOCK:
             traces, Y = self._values(P)
         ok, t_failed, texts = traces.ok.copy(), traces.t_failed.copy(), dict(traces.texts)
-        for rule in self.rules:
-            for i in np.flatnonzero(np.isnan(Y[:, 0, self.outputs.index(rule.name)]) & ok).tolist():
-                values = values_text(self.parameters, P[i], units_of_parameters(self.parameters))
-                ok[i], t_failed[i] = False, rule.window[1]
-                place = ", ".join(filter(None, [f"t = {t_failed[i]:g} s", values]))
-                texts[i] = f"{place}: the condition of output {rule.name!r} never holds until the end of the run"
+        for i in np.flatnonzero(np.isnan(Y[:, 0]).any(axis=1) & ok).tolist():
+            lacking = [rule for rule in self.rules if np.isnan(Y[i, 0, self.outputs.index(rule.name)])]
+            values = values_text(self.parameters, P[i], units_of_parameters(self.parameters))
+            ok[i], t_failed[i] = False, lacking[0].window[1]
+            place = ", ".join(filter(None, [f"t = {t_failed[i]:g} s", values]))
+            texts[i] = f"{place}: {' and '.join(never_holds(rule.name) for rule in lacking)}"
         Y[~ok] = np.nan
         return Ensemble(Y, ok, t_failed, tuple(texts[i] for i in np.flatnonzero(~ok).tolist()))
 
@@ -175,7 +199,8 @@ class FigureSimulator(WithWarnings):
 
     def identity(self) -> str:
         """A digest of equations, start, outputs, times and solver, for `StoredSimulator`."""
-        return digest(self._with_rates.identity(), self.outputs, tuple(self.rules))
+        own = (tuple(sorted(self._continued)),) if self._continued else ()
+        return digest(self._with_rates.identity(), self.outputs, tuple(self.rules), *own)
 
     def values(self, p: Array) -> tuple[Array, tuple[str, ...]]:
         """Outputs (n_t, n_y) of the run with parameters p (d,), and names of scalar outputs that are nan.
@@ -193,7 +218,8 @@ class FigureSimulator(WithWarnings):
         return Y[0], tuple(name for name in self.figures if np.isnan(Y[0, 0, self.outputs.index(name)]))
 
     def _values(self, P: Array) -> "tuple[_Traces, Array]":
-        """Curves of samples P (N, d), and outputs (N, n_t, n_y). Scalar outputs are nan if a condition never holds."""
+        """Curves of samples P (N, d), and outputs (N, n_t, n_y). Scalar outputs are nan if a condition never holds,
+        unless they are continued."""
         times, grid = self._times_of(self._count)
         traces = self._traces(times, P)
         Y = np.full((len(P), len(self.times), len(self.outputs)), np.nan)
@@ -206,7 +232,11 @@ class FigureSimulator(WithWarnings):
         panels = self._refined(panels, sizes, P, traces.stops)
         curves = Curves(panels, panels.is_exact(sizes), sizes, 4 * _BESIDE * self._span)
         for rule in self.rules:
-            Y[:, :, self.outputs.index(rule.name)] = rule.over(curves.figure(rule)[:, None])[:, None]
+            values = rule.over(curves.figure(rule)[:, None])
+            if rule.name in self._continued and (lacks := np.isnan(values) & traces.ok).any():
+                last = rule.end if rule.expression < 0 else curves.figure(rule._replace(kind="final"))[lacks]
+                values[lacks] = cast(float, last)
+            Y[:, :, self.outputs.index(rule.name)] = values[:, None]
         return traces, Y
 
     def over_runs(self, P: Array, runs: int) -> tuple[Array, str]:
@@ -217,8 +247,8 @@ class FigureSimulator(WithWarnings):
         The output times are the ends of panels, which are not divided.
         """
         ends = [end for rule in self.rules for end in rule.window]
-        grid = _distinct(np.concatenate([self.curves.times, ends]), 1e-9 * self._span, ends)
-        times = _distinct(np.concatenate(_nodes(grid[:-1], grid[1:])), _SAME * self._span)
+        grid = distinct(np.concatenate([self.curves.times, ends]), 1e-9 * self._span, ends)
+        times = distinct(np.concatenate(panel_nodes(grid[:-1], grid[1:])), _SAME * self._span)
         own, pooled = [rule for rule in self.rules if rule.kind != "percentile"], list[Panels]()
         values = np.empty((len(own), len(P)))
         for some in blocks(len(P), 64):  # the panels of 64 runs fit into a cache
@@ -251,7 +281,7 @@ class FigureSimulator(WithWarnings):
             panels = _panels(traces, zeros, grid[:-1], grid[1:])
             sizes = self._sizes(traces)
             off = self._divided(panels, ~panels.is_exact(sizes), sizes, np.full((len(self.rules), 1), -np.inf))
-            off &= ~_with_stop(panels, traces.stops)
+            off &= ~with_stop(panels, traces.stops)
             # Fraction of panels of the nominal run that may be inexact. If more are inexact, all panels are halved.
             if off.mean() <= 0.1 or count >= _MOST:
                 return count
@@ -286,8 +316,9 @@ class FigureSimulator(WithWarnings):
         # Fraction of a panel by which all panels are shifted. Curves bend at round times, which should not be in the
         # middle of a panel.
         inner = ends[0] + self._span / count * (np.arange(1, count) + 0.137)
-        grid = _distinct(np.concatenate([ends, inner, windows]), 1e-9 * self._span, windows)
-        return _distinct(np.concatenate([self.curves.times, *_nodes(grid[:-1], grid[1:])]), _SAME * self._span), grid
+        grid = distinct(np.concatenate([ends, inner, windows]), 1e-9 * self._span, windows)
+        nodes = panel_nodes(grid[:-1], grid[1:])
+        return distinct(np.concatenate([self.curves.times, *nodes]), _SAME * self._span), grid
 
     def _traces(self, times: Array, P: Array) -> "_Traces":
         """The curves and their rates at times (n_t,), which cover the horizon of the scene."""
@@ -311,7 +342,7 @@ class FigureSimulator(WithWarnings):
             divided = self._divided(panels, off, sizes, best)
             if level == 0:
                 divided |= self._dips(panels, sizes)
-                divided |= _with_stop(panels, stops) if has_stops else False
+                divided |= with_stop(panels, stops) if has_stops else False
             # Maximum number of panels of a sample that are divided together. A curve with more bends is noise.
             if not divided.any() or divided.sum() > 2**15 * len(P):
                 break
@@ -322,7 +353,7 @@ class FigureSimulator(WithWarnings):
                 mine = np.isin(coarse.sample, group)
                 sample, begin, end = self._parts(coarse.of(mine), coarse_off[:, mine], stops)
                 ends = self.curves.times[[0, -1]]
-                times = _distinct(np.concatenate([ends, *_nodes(begin, end)]), _SAME * self._span)
+                times = distinct(np.concatenate([ends, *panel_nodes(begin, end)]), _SAME * self._span)
                 traces = self._traces(times, P[group])
                 if not traces.ok.all():  # these panels stay as they are
                     divided &= ~np.isin(panels.sample, group)
@@ -338,7 +369,7 @@ class FigureSimulator(WithWarnings):
 
         In the first division, panels are divided evenly, because most of them are only too long.
         """
-        own_stops = _with_stop(panels, stops)
+        own_stops = with_stop(panels, stops)
         even = ~own_stops & (panels.width > 0.5 * self._span / self._count)
         width = panels.width[even, None] / _PARTS
         begin = panels.begin[even, None] + width * np.arange(_PARTS)
@@ -351,7 +382,7 @@ class FigureSimulator(WithWarnings):
             kept = [a, b, *own - beside, *own + beside]
             close = _NEAR * (b - a)
             inner = np.concatenate([kept, np.linspace(a, b, _PARTS + 1), near - 0.7 * close, near + 1.3 * close])
-            ends = _distinct(inner[(inner >= a) & (inner <= b)], beside / 2, kept)
+            ends = distinct(inner[(inner >= a) & (inner <= b)], beside / 2, kept)
             parts.append((np.full(len(ends) - 1, i), ends[:-1], ends[1:]))
         sample, begin, end = (np.concatenate(some) for some in zip(*parts, strict=True))
         return sample, begin, end
@@ -397,6 +428,11 @@ class FigureSimulator(WithWarnings):
         return divided
 
 
+def never_holds(name: str) -> str:
+    """Why a run has no value of a scalar output."""
+    return f"the condition of output {name!r} never holds until the end of the run"
+
+
 SceneSimulator = DAESimulator | FigureSimulator
 """The simulators of scenes."""
 
@@ -436,42 +472,12 @@ def _with_rates(curves: DAESimulator) -> Program:
     return curves.program.with_outputs(common("y", [x, p, t], [ca.densify(ca.vertcat(y, rates))]))
 
 
-def _nodes(begin: Array, end: Array) -> tuple[Array, Array, Array]:
-    return begin, (begin + end) / 2, end
-
-
-def _distinct(times: Array, distance: float, kept: Sequence[float] = ()) -> Array:
-    """Sorted times that are more than a distance apart. The ends and the times `kept` have priority."""
-    times = np.unique(times)
-    if np.diff(times).min() > distance:
-        return times
-    priority = np.isin(times, [*kept, times[0], times[-1]])
-    chosen = [0]
-    for k in range(1, len(times)):
-        if times[k] - times[chosen[-1]] > distance or (priority[k] and priority[chosen[-1]]):
-            chosen.append(k)
-        elif priority[k]:
-            chosen[-1] = k
-    return times[chosen]
-
-
 def _panels(traces: _Traces, sample: Indices, begin: Array, end: Array) -> Panels:
     """Panels from `begin` (n,) to `end` (n,), which are times of the traces. `sample` (n,) are their sample numbers."""
     half = np.append(np.diff(traces.times) / 2, np.inf)
     at = []
-    for time in _nodes(begin, end):
+    for time in panel_nodes(begin, end):
         k = np.clip(np.searchsorted(traces.times, time), 1, len(traces.times) - 1)
         at.append(np.where(time - traces.times[k - 1] < half[k - 1], k - 1, k))
     Y = traces.Y.reshape(2, traces.Y.shape[1], -1)
     return Panels(sample, begin, end, Y.take(sample * len(traces.times) + np.stack(at), axis=2).swapaxes(0, 1))
-
-
-def _with_stop(panels: Panels, stops: Sequence[Array]) -> Mask:
-    """Mask (n,) of panels that contain a stop of their sample."""
-    has = np.zeros(len(panels.sample), dtype=bool)
-    for i, own in enumerate(stops):
-        if own.size:
-            mine = panels.sample == i
-            counts = np.searchsorted(np.sort(own), [panels.begin[mine], panels.end[mine]])
-            has[mine] = counts[0] < counts[1]
-    return has

@@ -48,6 +48,11 @@ class Rule(NamedTuple):
         """The factor of the expression: -1 for minima, so that they become maxima; otherwise 1."""
         return -1.0 if self.kind in ("minimum", "probability") else 1.0
 
+    @property
+    def end(self) -> float | None:
+        """The last time that `first_time` can give, in its unit; None for other scalar outputs."""
+        return self.window[1] * self.per_second if self.kind == "first_time" else None
+
     def inside(self, panels: Panels) -> Mask:
         """Mask (n,) of panels in the time window of the scalar output."""
         middle = (panels.begin + panels.end) / 2

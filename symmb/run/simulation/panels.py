@@ -1,5 +1,6 @@
 """Curves over time as polynomials of degree 5, which interpolate values and rates at three times."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
 from math import comb
@@ -112,3 +113,34 @@ class Panels:
         with np.errstate(all="ignore"):
             x = (e1 - e0 - d1) / (d0 - d1)
         return np.where((x > 0) & (x < 1), self.begin + x * self.width, np.nan)
+
+
+def panel_nodes(begin: Array, end: Array) -> tuple[Array, Array, Array]:
+    """The times of panels at which curves are known."""
+    return begin, (begin + end) / 2, end
+
+
+def distinct(times: Array, distance: float, kept: Sequence[float] = ()) -> Array:
+    """Sorted times that are more than a distance apart. The ends and the times `kept` have priority."""
+    times = np.unique(times)
+    if np.diff(times).min() > distance:
+        return times
+    priority = np.isin(times, [*kept, times[0], times[-1]])
+    chosen = [0]
+    for k in range(1, len(times)):
+        if times[k] - times[chosen[-1]] > distance or (priority[k] and priority[chosen[-1]]):
+            chosen.append(k)
+        elif priority[k]:
+            chosen[-1] = k
+    return times[chosen]
+
+
+def with_stop(panels: Panels, stops: Sequence[Array]) -> Mask:
+    """Mask (n,) of panels that contain a stop of their sample."""
+    has = np.zeros(len(panels.sample), dtype=bool)
+    for i, own in enumerate(stops):
+        if own.size:
+            mine = panels.sample == i
+            counts = np.searchsorted(np.sort(own), [panels.begin[mine], panels.end[mine]])
+            has[mine] = counts[0] < counts[1]
+    return has

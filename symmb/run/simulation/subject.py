@@ -109,6 +109,8 @@ class Subject:
     def over(self, box: Box | None = None) -> tuple[Simulator, Box]:
         """The simulator and the box of a study. Default: the box of the scene.
 
+        In its runs, a scalar output whose condition never holds has a value, because other outputs need these runs.
+
         Raises
         ------
         DeclarationError       if there is no box, `box` has a wrong type, or the simulator has no outputs
@@ -126,6 +128,8 @@ class Subject:
         simulator = self.simulator
         if not len(simulator.outputs):
             raise DeclarationError(f'{own!r} has no outputs. Give some, as in Scene(..., outputs={{"x": body.x}}).')
+        if isinstance(simulator, FigureSimulator):
+            simulator = simulator.continued()
         return simulator, box.with_units(units_of_parameters(simulator.parameters))
 
 

@@ -8,7 +8,7 @@ from importlib.resources import files as resources
 from symmb.bound.nodes import Grid, line
 from symmb.bound.polynomials.ranges import Exact, range_tables
 from symmb.run.codegen import SceneSource, c_source, c_tables, quoted, scene_source, web_module
-from symmb.run.simulation import FigureSimulator
+from symmb.run.simulation import FigureSimulator, never_holds
 
 MOST_VARIED = 8
 """Largest number of parameters with tolerances at the same time. More parameters take too many runs for a page."""
@@ -80,7 +80,7 @@ def _rules(figures: FigureSimulator | None, n: int) -> str:
         f"{figures.outputs.index(r.name)}, {r.window[0]!r}, {r.window[1]!r}, {r.per_second!r}}}"
         for r in rules
     ]
-    faults = [quoted(f"the condition of output {r.name!r} never holds until the end of the run") for r in rules]
+    faults = [quoted(never_holds(r.name)) for r in rules]
     return "\n".join(
         [
             f"#define N_RULES {len(rules)}",

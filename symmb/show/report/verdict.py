@@ -239,7 +239,7 @@ def _acting(bounds: Bounds, k: int, i: int, place: Array) -> list[str]:
     if bounds.surrogate is not None and bounds.have_good_surrogate()[k]:
         values = bounds.surrogate.part([i], [k]).values(points)[:, 0, 0]
     elif isinstance(study, Study) and (study.has_lanes or len(box) < bounds.evaluations):
-        values = study.attempted(points)[0][:, i, k]
+        values = study.of_output(k, points)[0][:, i]
     else:
         return []
     effects = np.nan_to_num(np.abs(values[1:] - values[0]))

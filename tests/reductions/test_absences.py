@@ -1,0 +1,108 @@
+"""Events that do not come in a part of the box: closed forms of thrown balls."""
+
+import re
+import warnings
+
+import machines
+import numpy as np
+import pytest
+
+import symmb as mb
+
+G = 9.81
+
+
+def thrown(outputs, end=1.0, speed=(1.5, 2.5)):
+    """A ball that is thrown upwards and falls. It rises to speed^2 / (2 G)."""
+    machine = machines.ball(speed=2.0, side=3.0)
+    start = {"ball.vy": machine.p.speed, "ball.vx": machine.p.side}
+    box = mb.Box(speed=speed, side=(2.5, 3.5))
+    return machine.scene(outputs(machine.ball), [0.0, end / 2, end], start, box=box)
+
+
+def outputs_at(height):
+    def outputs(ball):
+        above = ball.y >= height
+        own = {"y": ball.y, "top": mb.maximum(ball.y), "high": mb.first_time(above), "far": mb.value_at(ball.x, above)}
+        return own | {"pace": mb.value_at(ball.vy, above)}
+
+    return outputs
+
+
+def bounds_of(*arguments):
+    """Bounds, whose warnings are only about values at the border of the runs in which an event comes."""
+    with warnings.catch_warnings(action="ignore", category=mb.SymmbWarning):
+        bounds = mb.propagate(*arguments)
+    assert all(set(re.findall(r"\b(y|top|high|far|pace)\b", text)) <= {"far", "pace"} for text in bounds.doubts), (
+        bounds.doubts
+    )
+    return bounds
+
+
+def passage(height, speed):
+    """The first time at a height."""
+    return (speed - np.sqrt(speed**2 - 2 * G * height)) / G
+
+
+@pytest.mark.parametrize("height", (0.12, 0.2, 0.28))
+@pytest.mark.parametrize("method", (mb.PolynomialChaos(), mb.Scanning(21)), ids=repr)
+def test_an_event_that_does_not_come_leaves_other_outputs_alone(height, method):
+    bounds = bounds_of(thrown(outputs_at(height)), method)
+    slow, fast = 1.5, 2.5
+    assert bounds["top"] == pytest.approx((slow**2 / (2 * G), fast**2 / (2 * G)), abs=2e-4)
+    ends = np.array([[slow], [fast]]) * bounds.t - G * bounds.t**2 / 2
+    np.testing.assert_allclose([bounds["y"][0], bounds["y"][1]], ends, atol=1e-8)
+    assert not bounds.failed
+    least, most = bounds["high"]
+    assert least == pytest.approx(passage(height, fast), abs=5e-3) and most == np.inf
+    # The slowest ball that reaches the height is there at its top.
+    latest = np.sqrt(2 * height / G)
+    assert bounds["far"][0] == pytest.approx(2.5 * passage(height, fast), abs=0.02)
+    assert 0.8 * 3.5 * latest < bounds["far"][1] < 3.5 * latest + 0.02
+    if bounds.estimate is not None:
+        assert bounds.outer[1][0, bounds.names.index("far")] >= 3.5 * latest
+    told = "\n".join(bounds.remarks)
+    assert "The condition of far never holds for" in told and "speed < " in told
+    assert "The condition of high never holds in a run" in told
+
+
+def test_limits_of_events_that_do_not_come(tmp_path):
+    bounds = bounds_of(thrown(outputs_at(0.2)))
+    check = bounds.check({"high": (None, 0.4), "far": (None, 1.0), "top": (None, 0.33), "pace": (-0.1, 2.0)})
+    assert [limit.kept for limit in check.limits] == [False, True, True, True]
+    assert check["high"].why == "In a run, high never happens."
+    assert bounds.check({"high": (0.05, None)}).kept  # never is above all lower limits
+    case = bounds.worst("high").upper
+    assert case.parameters["speed"] < np.sqrt(2 * G * 0.2) and str(case).startswith("high never happens: speed = ")
+    far = bounds.worst("far").upper
+    run = far.run()
+    assert run["far"] == pytest.approx(far.attained, rel=1e-6)
+    for file in ("a.json", "a.npz"):
+        bounds.save(tmp_path / file)
+        loaded = mb.Bounds.load(tmp_path / file)
+        assert loaded["high"] == bounds["high"] and loaded.check({"high": (None, 0.4)}).kept is False
+    bounds.plot(tmp_path / "a.png")
+    bounds.report(tmp_path / "a.html", {"high": (None, 0.4)})
+    assert "never happens" in (tmp_path / "a.html").read_text()
+
+
+def test_an_event_that_comes_in_no_run_is_refused_with_its_reason():
+    with pytest.raises(mb.PropagationError, match="condition of output 'far' never holds"):
+        mb.propagate(thrown(outputs_at(0.5)))
+    bounds = mb.propagate(thrown(lambda ball: {"y": ball.y, "high": mb.first_time(ball.y >= 0.5)}))
+    assert bounds["high"][1] == np.inf and bounds["y"][1][1] == pytest.approx(2.5 * 0.5 - G / 8)
+
+
+def test_an_event_that_always_comes_costs_nothing():
+    both = mb.propagate(thrown(outputs_at(0.05)))
+    assert not both.failed and not any("never" in remark for remark in both.remarks)
+    assert both["high"] == pytest.approx((passage(0.05, 2.5), passage(0.05, 1.5)), rel=2e-3)
+
+
+def test_comparisons_and_largest_boxes_contain_events_that_do_not_come():
+    scene = thrown(lambda ball: {"top": mb.maximum(ball.y), "high": mb.first_time(ball.y >= 0.2)})
+    comparison = mb.compare(scene, [mb.PolynomialChaos(), mb.Vertex(), mb.MonteCarlo(200)])
+    assert all((row.upper[:, 1] == np.inf).all() and (row.score.error[1] < 0.1) for row in comparison.rows)
+    found = mb.tolerances(scene, {"high": (None, 0.6)})
+    lowest = found.box["speed"][0]
+    assert lowest == pytest.approx(np.sqrt(2 * G * 0.2), rel=2e-2) and lowest >= np.sqrt(2 * G * 0.2)
