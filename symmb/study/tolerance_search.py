@@ -50,6 +50,7 @@ class _Bracket:
     best : Bounds or None          bounds from the study at `low`
     undecided : tuple or None      factor and bounds of the first study that did not decide a limit
     why : str                      reason why the study at `high` is not valid; empty if runs show it
+    fault : str                    why runs fail at factors above `low`; empty if they reach a limit, or are not known
     """
 
     along: Array
@@ -63,6 +64,7 @@ class _Bracket:
     best: Bounds | None = None
     undecided: tuple[float, Bounds] | None = None
     why: str = ""
+    fault: str = ""
 
 
 class Search:
@@ -224,6 +226,8 @@ class Search:
             if undecided == np.inf:
                 where = "Larger tolerances may also satisfy the limits"
             self.remarks = (f"{where}: {why}{beyond}",)
+        elif ray.fault and ray.low < ray.most:
+            self.remarks = (f"Runs fail with larger tolerances: {ray.fault}",)
         return np.minimum(ray.low * along, self._most), ray.best
 
     def idle(self, bounds: Bounds) -> Mask:
@@ -244,7 +248,8 @@ class Search:
             bounds = self._study(s * ray.along)
             check = self._check(bounds)
         except PropagationError as error:  # too many runs fail
-            ray.high, ray.why = s, str(error).splitlines()[0]
+            lines = [line.strip() for line in str(error).splitlines()]
+            ray.high, ray.why, ray.fault = s, lines[0], lines[-1]
             return (ray.low + s) / 2
         if self._idle is None:
             self._idle = self.idle(bounds)
@@ -265,6 +270,8 @@ class Search:
             return after
         ray.reach, is_failed = self._met(ray)
         ray.why = ray.why if is_failed or ray.reach == ray.high else ""
+        if check.kept is not True:
+            ray.fault = str(bounds.failed[0]) if is_failed and bounds.failed else ""
         ray.violation = ray.violation if ray.why else min(ray.violation, ray.reach)
         if ray.reach == np.inf:
             # No run that violates a limit is known. The next factor is up to twice as far as linear margins allow.

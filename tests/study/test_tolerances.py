@@ -157,6 +157,24 @@ def test_runs_that_fail_bound_the_box():
     assert found.factor == pytest.approx(5, rel=5e-3) and found.box.bounds[0][0] >= 0.5
 
 
+@pytest.mark.parametrize("edge, most, factor", [(0.06, 3.9, 0.5), (0.2, 3.1, 1 / 1.2), (0.01, 3.08, 1 / 12)])
+def test_the_reason_that_ends_the_search_is_named(edge, most, factor):
+    """Runs fail if a + b is too large, or the limit is reached. tests/benchmarks/failing_tolerances.py has more."""
+
+    def f(a, b):
+        if a + b > 3 + edge:
+            raise ValueError("does not assemble")
+        return a + b
+
+    fails = edge < most - 3
+    call = dict(a=(0.9, 1.1), b=(1.98, 2.02))
+    found = (
+        warned("does not assemble", found_for, f, (None, most), **call) if fails else found_for(f, (None, most), **call)
+    )
+    assert found.factor == pytest.approx(factor, rel=1e-2)
+    assert (found.binding is None) == fails == ("Runs fail with larger tolerances" in str(found))
+
+
 @pytest.mark.parametrize(("at", "jump"), [(2.031, 0.05), (2.044, 0.02), (1.957, -0.03)])
 @pytest.mark.parametrize("costs", [{}, {"a": lambda h: 0.05 / h}])
 @pytest.mark.parametrize("most", [1.08, 1.2])
