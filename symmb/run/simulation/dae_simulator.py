@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -16,14 +16,11 @@ from symmb.connect import Progress, Reduction, Samples, checked_samples, stream
 from symmb.declare.mechanics import FlexibleBody
 from symmb.declare.symbolic import HIGHEST_ORDER, batch
 from symmb.equations.model import Scene
-from symmb.run.codegen import cores
+from symmb.run.codegen import Card, cores
 from symmb.run.formulations import LOCK, Program, block_size, jet_outputs, outputs_along
 from symmb.run.integrate import Solver, SwitchPasses, impacts_text, solver_of
 from symmb.run.simulation.pilots import given_program, program_for_studies
 from symmb.run.verification import OtherWays
-
-if TYPE_CHECKING:
-    from symmb.run.codegen import Card
 
 S = TypeVar("S")
 
@@ -136,8 +133,9 @@ class DAESimulator(WithWarnings):
         """The same simulator with another solver."""
         return self if solver == self.solver else self._by(self.program.by(solver))
 
-    def on_card(self, card: "Card") -> "DAESimulator":
+    def on_card(self, card: Card) -> "DAESimulator":
         """The same simulator with samples that run on a graphics card."""
+        require_instance("on_card: card", card, Card, "the card of a program")
         return self._by(self.program.on_card(card))
 
     def _by(self, program: Program) -> "DAESimulator":
