@@ -7,7 +7,7 @@ import numpy as np
 
 from symmb._types import Array, Mask
 from symmb.bound.adaptive.check_points import FEW_TIMES, SAFETY, inflated_error, screening_points, select_dispersed
-from symmb.bound.adaptive.check_rounds import CheckRounds, separable_extremes, spread_over_times
+from symmb.bound.adaptive.check_rounds import CheckRounds, is_among, separable_extremes, spread_over_times
 from symmb.bound.adaptive.continuation import SPARSE_PROBES, SPARSE_RANGE, Continuation, Corrected, extrapolated_sizes
 from symmb.bound.adaptive.error_estimate import TruncationError
 from symmb.bound.adaptive.runs import OutputRuns, Runs, relative_rms
@@ -113,6 +113,14 @@ class OutputProblem:
             errors = np.maximum(errors, left_out.max(axis=0, initial=0.0))
         lowest, highest = runs.extremes
         return Piecewise.whole(expansion, spread_over_times(SAFETY * errors, highest - lowest))
+
+    def deviation(self, points: Array) -> float:
+        """The largest deviation of runs at points (C, d) from the expansion continued through the other check runs."""
+        runs, is_new = self.runs, is_among(self.runs.points, points)
+        others = runs.points[~is_new], runs.checks[~is_new]
+        values = Corrected(self.expansion, Continuation.of(self.grid, self.sizes), *others).values(runs.points[is_new])
+        errors = np.maximum(np.abs(values - runs.checks[is_new]) - runs.noise, 0.0)
+        return max((relative_rms(each, runs.rms_widths()) for each in errors), default=0.0)
 
     @property
     def left(self) -> int:

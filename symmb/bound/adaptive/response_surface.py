@@ -13,7 +13,15 @@ import numpy as np
 
 from symmb._magnitudes import SAME
 from symmb._types import Array, Mask
-from symmb.bound.adaptive.check_points import FEW_TIMES, PATIENCE, SAFETY, quasi_random_points, screening_corners
+from symmb.bound.adaptive.check_points import (
+    FEW_TIMES,
+    PATIENCE,
+    SAFETY,
+    evenly_spread_points,
+    quasi_random_points,
+    screening_corners,
+)
+from symmb.bound.adaptive.check_rounds import is_among
 from symmb.bound.adaptive.continuation import extrapolated_sizes, largest
 from symmb.bound.adaptive.outputs import OutputProblem
 from symmb.bound.adaptive.runs import CHEAP_RUNS, TRUST, OutputRuns
@@ -48,7 +56,11 @@ class ResponseSurface(OutputStudy):
     deviations : largest expected distance of a response from its mean, in standard deviations
     latest_runs : number of last runs that may increase this distance. Larger numbers are safer and take more runs
     spread_runs, fewest_spread : number of runs of a round that are spread over the box, and their smallest total
-        number. The first of these runs are at corners, because some effects require several high parameters
+        number. Eight of the first are at corners, because some effects require several high parameters
+    extension : ratio of the largest to the usual largest number of runs. It applies while bounds are doubtful, because
+        other studies take more runs, or the bounds are useless
+    unlike : smallest difference of the surface from a run that it does not use, over the width and the tolerance, at
+        which it uses this run. Smaller numbers take more runs, larger ones miss bumps (benchmarks/silent_errors.py)
     slope_step : distance from the centre at which slopes are measured. Runs at the same distance from an extreme test
         whether the response is flat there. At a smaller distance, changes are smaller. At a larger one, slopes differ
     candidates, starts : number of points of the box (and as many corners), and number of starts of searches. Larger
@@ -61,7 +73,9 @@ class ResponseSurface(OutputStudy):
     deviations: float = 2.0
     latest_runs: int = 10
     spread_runs: int = 4
-    fewest_spread: int = 12
+    fewest_spread: int = 16
+    extension: int = 2
+    unlike: float = 2.0
     slope_step: float = 0.15
     candidates: int = 200
     starts: int = 3
@@ -84,7 +98,7 @@ class ResponseSurface(OutputStudy):
         d = len(runs.box)
         most = runs.most if is_patient else PATIENCE * d
         latest, kernels, n_spread, n_fit = np.zeros(1), list[Kernel](), 0, 0
-        corners = np.array_split(screening_corners(d)[: self.fewest_spread], self.fewest_spread // self.spread_runs)
+        corners = np.array_split(screening_corners(d)[: 2 * self.spread_runs], 2)
         slopes = self.slope_step * np.eye(d)
         yield Checks(slopes)
         points = np.concatenate([points, slopes])
@@ -105,23 +119,29 @@ class ResponseSurface(OutputStudy):
             ends = np.stack([np.minimum(ends[0], attained[0]), np.maximum(ends[1], attained[1])])
             is_plateau = _is_plateau(data, attained)
             ends = np.where(is_plateau[:, None], attained[:, None], ends)
-            observed = np.where(is_plateau, 0.0, TRUST * rms(latest) * width)
+            left_out = _left_out(surface, data.noise)
+            observed = np.where(is_plateau, 0.0, np.maximum(TRUST * rms(latest) * width, left_out))
             estimate = np.maximum(np.abs(ends[:, 1] - ends[:, 0]), observed).max(axis=0)
-            is_enough = n_spread >= self.fewest_spread and bool(
-                (estimate <= np.maximum(tolerance * width, data.noise)).all()
+            is_enough = n_spread >= self.fewest_spread and all(
+                (error <= np.maximum(tolerance * width, noise)).all()
+                for error, noise in ((estimate, data.noise), (left_out * ~is_plateau.any(axis=0), data.noise / SAFETY))
             )
-            if is_enough or len(data.points) >= most or not runs.left or runs.clock.is_late:
-                if not is_enough:
-                    estimate = np.maximum(estimate, _left_out(surface, data.noise))
+            if is_enough and len(others := self._unlike(data, surface, runs, tolerance)):
+                points, most = np.concatenate([points, others]), most + len(others)
+                continue
+            if not is_enough:
+                estimate = np.maximum(estimate, SAFETY * left_out)
+            allowed = most if (estimate <= DOUBTFUL * width).all() else self.extension * most
+            if is_enough or len(data.points) >= allowed or not runs.left or runs.clock.is_late:
                 found = data.range(runs, surface, (places[:, 0], ends), attained, estimate)
                 return found._replace(is_enough=is_enough)
             if not runs.noise_is_known and len(data.points) > CHEAP_RUNS:
                 yield Noise()
                 kernels, n_fit = [], 0  # noise of one response changes the kernel of all responses
                 continue
-            spread = (
-                corners.pop() if corners else quasi_random_points(n_spread + self.spread_runs, d)[-self.spread_runs :]
-            )
+            is_at_corners = bool(corners) and n_spread % (2 * self.spread_runs) > 0
+            spread = evenly_spread_points(n_spread + self.spread_runs, d)[-self.spread_runs :]
+            spread = corners.pop() if is_at_corners else spread
             n_spread += self.spread_runs
             beside = _beside(places[:, 0].reshape(-1, d), n_spread)
             n_known = len(runs.points)
@@ -132,6 +152,17 @@ class ResponseSurface(OutputStudy):
                 responses = runs.checks[n_known:]
                 errors = np.abs(data.relative(responses) - surface.mean(runs.points[n_known:]))
                 latest = (errors / np.ptp(data.Y, axis=0)).max(axis=1)
+
+    def _unlike(self, data: "_Responses", surface: GaussianProcess, runs: OutputRuns, tolerance: float) -> Array:
+        """Points (n, d) of some runs that the surface does not use, and from which it differs most."""
+        points, Y = runs.attained()
+        is_new = ~is_among(points, data.points)
+        if not is_new.any():
+            return points[:0]
+        errors = np.abs(data.relative(Y[is_new]) - surface.mean(points[is_new])) - data.noise
+        errors = (errors / np.ptp(data.Y, axis=0)).max(axis=1)
+        worst = np.argsort(-errors, kind="stable")[: self.spread_runs]
+        return points[is_new][worst][errors[worst] > self.unlike * tolerance]
 
 
 _SURFACE = ResponseSurface()
@@ -218,12 +249,13 @@ def _is_plateau(data: _Responses, attained: Array) -> Mask:
 
 
 def _left_out(surface: GaussianProcess, noise: Array) -> Array:
-    """Errors (m,) minus noise (m,) of a surface that does not converge, from leave-one-out cross-validation.
+    """Errors (m,) of a surface from leave-one-out cross-validation, as root mean squares, without noise (m,).
 
-    Errors at the latest runs may be too small: these runs may all be on one side of a jump.
+    Errors at the latest runs may be too small: these runs may all be on one side of a jump. The noise includes the
+    safety factor, and its squares are subtracted: the few runs that measure noise may be close by chance.
     """
-    errors = np.maximum(np.abs(surface.left_out_errors()) - noise, 0.0)
-    return SAFETY * rms(errors)
+    squares = np.square(surface.left_out_errors()).mean(axis=0) - np.square(noise / SAFETY)
+    return np.sqrt(np.maximum(squares, 0.0))
 
 
 def _kernels(kernels: list[Kernel], data: _Responses) -> list[Kernel]:
