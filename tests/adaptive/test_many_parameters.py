@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import warnings
 from functools import cache
 from types import SimpleNamespace
 
@@ -275,3 +276,23 @@ def test_a_smooth_output_does_not_pay_for_a_kink(d, seed):
         assert (np.abs(bounds.upper[:, :1] - np.exp(TIMES + a.sum())[:, None]) < 0.01 * width).all()
         assert "smooth" not in bounds.doubtful()
     assert both.estimate[:, 0].max() < 1.5 * own.estimate.max() + 1e-12
+
+
+BUMPS = [
+    ((-0.58, -0.87, -0.27), 0.31, (0.04, 0.07, -0.27)),
+    ((0.67, 0.27, -0.29), 0.37, (0.2, -0.1, 0.15)),
+    ((-0.21, 0.84, -0.81), 0.31, (0.1, 0.2, -0.2)),
+    ((0.56, 0.78, -0.18, -0.68), 0.53, (0.2, -0.3, 0.1, 0.25)),
+]
+
+
+@pytest.mark.parametrize(("at", "width", "slope"), BUMPS)
+def test_bumps_inside_of_the_box_are_not_missed_in_silence(at, width, slope):
+    """The surface knew only some of the runs, or only corners were run. tests/benchmarks/silent_errors.py has more."""
+    at, slope = np.array(at), np.array(slope)
+    with warnings.catch_warnings(action="ignore", category=mb.SymmbWarning):
+        bounds, _ = unit_study(
+            lambda x: [np.exp(-np.square(x - at).sum() / (2 * width**2)) + x @ slope], len(at), T[:1]
+        )
+    top = 1 + at @ slope
+    assert bounds.doubts or bounds.outer[1][0, 0] >= top - 0.02 * (top + np.abs(slope).sum())

@@ -197,7 +197,7 @@ class PerOutput(JointStudy):
         ranges = {output.runs.column: own for output, own in found.items()}
         decided = np.zeros(runs.shape[1], dtype=bool)
         for k, own in ranges.items():
-            decided[k] = is_last or problem.error(k, own) <= DOUBTFUL
+            decided[k] = is_last or problem.error(k, own) <= min(DOUBTFUL, 10 * problem.tolerance)
         return ranges, decided
 
     def _steps(self, output: OutputProblem) -> Steps:

@@ -131,7 +131,7 @@ class ResponseSurface(OutputStudy):
                 continue
             if not is_enough:
                 estimate = np.maximum(estimate, SAFETY * left_out)
-            allowed = most if (estimate <= DOUBTFUL * width).all() else self.extension * most
+            allowed = most if (estimate <= DOUBTFUL / 2 * width).all() else self.extension * most
             if is_enough or len(data.points) >= allowed or not runs.left or runs.clock.is_late:
                 found = data.range(runs, surface, (places[:, 0], ends), attained, estimate)
                 return found._replace(is_enough=is_enough)

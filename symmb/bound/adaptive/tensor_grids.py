@@ -90,7 +90,7 @@ class TensorGrids(JointStudy):
 
     Attributes
     ----------
-    resumes : whether grids that were too costly are refined, because other studies leave errors above 10 % of the width
+    resumes : whether grids that were too costly are refined, because other studies leave large errors
     """
 
     resumes: bool = False
@@ -101,7 +101,7 @@ class TensorGrids(JointStudy):
     def when(self) -> str:  # pyright: ignore[reportIncompatibleVariableOverride]
         """The outputs that the study takes, in words."""
         if self.resumes:
-            return "the other studies leave errors above 10 % of the width"
+            return "the other studies leave errors above 10 % of the width, or above ten times the tolerance"
         return f"there are up to {MOST_PARAMETERS} parameters, until kinks or three parameters take too many runs"
 
     def accepts(self, problem: Problem) -> bool:
