@@ -182,3 +182,22 @@ def test_the_reason_names_what_would_help():
     for bounds, used_up in ((cusp, False), (few, True)):
         if any("was not reached" in remark for remark in bounds.remarks):
             assert ("budget" in bounds.why("y")) == used_up
+
+
+@pytest.mark.parametrize("gap", (0.094, 0.0941))
+def test_a_stop_that_few_corners_reach_is_seen(gap):
+    """The force of the stop is 0 in nearly the whole box. The bounds were 0 and 0, and limits were satisfied."""
+    p = mb.Parameters(mass=1.0, stiffness=100.0, speed=1.0, damping=2.0, gap=gap, force=0.0, start=0.0, load=1.0)
+    ground, block = mb.Ground(), mb.Body("block", p.mass, 1.0)
+    rail = mb.Prismatic("rail", ground.point(0, 0), block.point(0, 0), axis=(1, 0, 0))
+    force = 0.1 * (p.load - 1) + p.force - p.stiffness * rail.displacement - p.damping * rail.displacement_rate
+    stop = mb.Stop("stop", rail, upper=p.gap, law=mb.KelvinVoigt(1e5, 50.0))
+    system = mb.System(block, rail, mb.Actuator("spring", rail, force), stop, parameters=p)
+    box = mb.Box.plus_minus(
+        p, mass=0.02, stiffness=2.0, speed=0.03, damping=0.2, gap=0.0015, force=0.1, start=0.0015, load=0.1
+    )
+    start = {"rail.displacement": p.start, "rail.displacement_rate": p.speed}
+    scene = mb.Scene(system, start, np.linspace(0, 0.5, 51), {"blow": mb.maximum(system.force("stop"))}, box)
+    bounds, vertex = mb.propagate(scene), mb.propagate(scene, mb.Vertex())
+    assert bounds["blow"] == pytest.approx(vertex["blow"], rel=1e-3) and vertex["blow"][1] > 10
+    assert bounds.check({"blow": (None, 5.0)}).kept is False

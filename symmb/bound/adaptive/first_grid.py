@@ -10,6 +10,7 @@ from symmb._types import Mask
 from symmb.bound.adaptive import continuation
 from symmb.bound.adaptive.check_points import (
     SAFETY,
+    corner_design,
     evenly_spread_points,
     inflated_error,
     quasi_random_points,
@@ -199,6 +200,9 @@ class _Confirmed:
             near = np.where(places[:, :, self.is_good] < 0, -1.0, 1.0).reshape(-1, d)
             hides = any(OutputRuns(runs, k).may_hide() for k in np.flatnonzero(self.is_good).tolist())
             more = screening_points(d) if hides else np.empty((0, d))
+            low, high = runs.extremes
+            if (self.is_good & (high == low).all(axis=0)).any():  # an element may act in a corner only
+                more = corner_design(d)
             runs.check(np.unique(np.concatenate([near, more]), axis=0)[: runs.left])
             self._look()
         name = "an interpolant on a tensor grid" if d <= MOST_PARAMETERS else "an interpolant on a sparse grid"

@@ -104,6 +104,9 @@ class ResponseSurface(OutputStudy):
         points = np.concatenate([points, slopes])
         while True:
             data = _Responses.of(*runs.attained(points), runs)
+            if not data.varies.any() and len(data.points) < len(runs.attained()[0]):
+                points = runs.attained()[0]  # corners may differ
+                continue
             if not data.varies.any():
                 evidence = Evidence.of("exact", np.zeros(runs.shape))
                 return EstimatedRange(*runs.extremes, evidence, None, _NAME, is_enough=True)
