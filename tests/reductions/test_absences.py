@@ -93,6 +93,13 @@ def test_an_event_that_comes_in_no_run_is_refused_with_its_reason():
     assert bounds["high"][1] == np.inf and bounds["y"][1][1] == pytest.approx(2.5 * 0.5 - G / 8)
 
 
+def test_times_may_be_negative():
+    machine = machines.ball(speed=2.0)
+    outputs = {"high": mb.first_time(machine.ball.y >= 0.2)}
+    scene = machine.scene(outputs, [-2.0, -1.0], {"ball.vy": machine.p.speed}, box=mb.Box(speed=(1.5, 2.5)))
+    assert mb.propagate(scene)["high"] == pytest.approx((passage(0.2, 2.5) - 2, np.inf), abs=5e-3)
+
+
 def test_an_event_that_always_comes_costs_nothing():
     both = mb.propagate(thrown(outputs_at(0.05)))
     assert not both.failed and not any("never" in remark for remark in both.remarks)

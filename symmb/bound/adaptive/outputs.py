@@ -196,7 +196,7 @@ class PerOutput(JointStudy):
             found |= self._found(runs, outputs, [output for output in outputs if output.continues(found[output])])
         ranges = {output.runs.column: own for output, own in found.items()}
         decided = np.zeros(runs.shape[1], dtype=bool)
-        for k, own in ranges.items():
+        for k, own in ranges.items():  # with smaller errors than these, tensor grids take too many runs
             decided[k] = is_last or problem.error(k, own) <= min(DOUBTFUL, 10 * problem.tolerance)
         return ranges, decided
 

@@ -57,8 +57,8 @@ class ResponseSurface(OutputStudy):
     latest_runs : number of last runs that may increase this distance. Larger numbers are safer and take more runs
     spread_runs, fewest_spread : number of runs of a round that are spread over the box, and their smallest total
         number. Eight of the first are at corners, because some effects require several high parameters
-    extension : ratio of the largest to the usual largest number of runs. It applies while bounds are doubtful, because
-        other studies take more runs, or the bounds are useless
+    extension : ratio of the largest to the usual largest number of runs, while the error is above 5 % of the width.
+        Other studies would take more runs, and bounds with twice this error are doubtful
     unlike : smallest difference of the surface from a run that it does not use, over the width and the tolerance, at
         which it uses this run. Smaller numbers take more runs, larger ones miss bumps (benchmarks/silent_errors.py)
     slope_step : distance from the centre at which slopes are measured. Runs at the same distance from an extreme test

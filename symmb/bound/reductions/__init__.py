@@ -2,6 +2,7 @@
 
 In:   a method, a simulator and a box, perhaps with choices or constraints.
 Out:  Bounds over this box. `bounded` decides: it applies the reductions of `chain.REDUCTIONS`, and then the method.
+      If a scalar output has no value in some runs, `absences` makes a second study.
 """
 
 from symmb.bound.reductions.chain import bounded

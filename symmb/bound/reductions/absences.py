@@ -47,11 +47,9 @@ def bounds_with_absences(method: Method, runs: RunsOverBox) -> Bounds:
 def _with_columns(every: Bounds, some: Bounds, lost: Sequence[str]) -> Bounds:
     """Bounds of all outputs, in which some outputs have their bounds from the runs that have a value of them."""
     columns = [every.names.index(name) for name in lost]
-    told = f"in {len(some.failed)} of {counted(some.evaluations, 'run')}"
-    if some.failed_region:
-        told = some.failed_region
+    where = some.failed_region or f"in {len(some.failed)} of {counted(some.evaluations, 'run')}"
     remarks = [
-        f"The condition of {name} never holds {told}. The bounds of {name} are those of the other runs. In samples, "
+        f"The condition of {name} never holds {where}. The bounds of {name} are those of the other runs. In samples, "
         f"{name} has its value at the end of such runs."
         for name in lost
     ]
@@ -83,7 +81,8 @@ def _with_never(bounds: Bounds, simulator: FigureSimulator) -> Bounds:
     """Bounds in which times are infinite if a run attains the end of the window, where a condition never holds."""
     ends = {name: end for name, end in simulator.ends.items() if end is not None}
     reached = bounds.attaining.ends["upper"] if bounds.attaining else bounds.upper
-    never = [name for name, end in ends.items() if (reached[:, bounds.names.index(name)] >= end * (1 - SAME)).all()]
+    last = {name: end - SAME * abs(end) for name, end in ends.items()}
+    never = [name for name, end in last.items() if (reached[:, bounds.names.index(name)] >= end).all()]
     if not never:
         return bounds
     columns = [bounds.names.index(name) for name in never]
