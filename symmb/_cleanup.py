@@ -33,6 +33,10 @@ _PROGRAMS: set[int] = set()
 """Numbers of the programs that this process has started. Each program leads a process group."""
 _STARTS = threading.Lock()
 """This lock is held while a program is started. A process that is about to end keeps it."""
+_CLEANS = threading.RLock()
+"""This lock is held while a thread cleans up. Signals may interrupt this thread by a function that cleans up, too."""
+_ENDS = False
+"""Whether this process is about to end. A second thread that cleans up does not wait for programs that start."""
 _SEARCHED: set[Path] = set()
 _LEADS = False
 _WATCHES = 0
@@ -194,15 +198,23 @@ def _has_ended(child: int) -> bool:
 
 def clean_up() -> None:
     """End the programs of this process, and remove its folders and files, because the process ends now."""
-    _STARTS.acquire(timeout=_GRACE)  # a thread may be starting a program, and must not start another program
-    for program in list(_PROGRAMS):
-        _kill(program)
-    end_groups(*_GROUPS)
-    for name in list(_FILES):
-        with suppress(OSError):
-            os.unlink(name)
-    for name in list(_FOLDERS):
-        _remove(name)
+    global _ENDS
+    first = _CLEANS.acquire(timeout=_GRACE)
+    try:
+        if not _ENDS:
+            _ENDS = True
+            _STARTS.acquire(timeout=_GRACE)  # a thread may be starting a program, and must not start another program
+        for program in list(_PROGRAMS):
+            _kill(program)
+        end_groups(*_GROUPS)
+        for name in list(_FILES):
+            with suppress(OSError):
+                os.unlink(name)
+        for name in list(_FOLDERS):
+            _remove(name)
+    finally:
+        if first:
+            _CLEANS.release()
 
 
 def outlive(parent: int) -> None:

@@ -1,5 +1,6 @@
 """CommandSimulator: a program of C in folders of its own, with all that may go wrong with it."""
 
+import gc
 import os
 import sys
 import time
@@ -134,6 +135,19 @@ def test_programs_in_the_background_end_with_the_run():
     number = int(script(code).run(np.array([[1.0]])).Y[0, 0, 0])
     assert time.monotonic() - begin < 100
     assert in_time(lambda: not runs(number), 5)
+
+
+def test_the_processes_of_unused_simulators_end_at_once():
+    """Both threads of such a process clean up. Each waited half a second for the other."""
+    used = [script(GOOD) for _ in range(8)]
+    for made in used:
+        made.run(np.array([[1.0]]))
+    del made
+    used.clear()
+    gc.collect()
+    begin = time.monotonic()
+    script(GOOD).run(np.array([[1.0]]))
+    assert time.monotonic() - begin < 1.5
 
 
 DECLARATIONS = {
