@@ -44,6 +44,8 @@ class Samples(Protocol):
     @property
     def events(self) -> Indices | None: ...
     @property
+    def reach(self) -> Array | None: ...
+    @property
     def attaining(self) -> Indices | None: ...
     def extremes(self) -> tuple[Array, Array]: ...
 
@@ -59,6 +61,8 @@ class Ensemble:
     t_failed : (N,) time at which a sample failed [s], nan if it did not fail
     messages : a message for each failed sample, in order
     events : (N, n_t) numbers of events up to each time; None without events. Outputs are smooth between events
+    reach : (N, 2, m) smallest and largest value over time of each of m switches, such as the gap of a contact, nan in
+        failed runs. Elements act on one side of 0. None if they are not known
     """
 
     Y: Array
@@ -66,11 +70,12 @@ class Ensemble:
     t_failed: Array
     messages: tuple[str, ...]
     events: Indices | None = None
+    reach: Array | None = None
 
     @classmethod
     def of(cls, samples: Samples) -> "Ensemble":
         """The ensemble of some samples. Values that are not known yet are computed now."""
-        return cls(samples.Y, samples.ok, samples.t_failed, samples.messages, samples.events)
+        return cls(samples.Y, samples.ok, samples.t_failed, samples.messages, samples.events, samples.reach)
 
     def extremes(self) -> tuple[Array, Array]:
         """Smallest and largest outputs (n_t, n_y) of the samples that did not fail; inf and -inf if all failed."""
@@ -288,13 +293,16 @@ def joined(parts: list[Ensemble], n_t: int, n_y: int) -> Ensemble:
     ok = np.concatenate([np.empty(0, dtype=bool), *(part.ok for part in parts)])
     t_failed = np.concatenate([np.empty(0), *(part.t_failed for part in parts)])
     messages = tuple(message for part in parts for message in part.messages)
-    events = [part.events for part in parts if part.events is not None]
+    known: list[Any] = []
+    for name in ("events", "reach"):
+        each = [own for part in parts if (own := getattr(part, name)) is not None]
+        known.append(np.concatenate(each) if each and len(each) == len(parts) else None)
     Y, filled = np.empty((len(ok), n_t, n_y)), 0
     while parts:  # each part is freed as soon as it is copied
         values = parts.pop(0).Y
         Y[filled : filled + len(values)] = values
         filled += len(values)
-    return Ensemble(Y, ok, t_failed, messages, np.concatenate(events) if events else None)
+    return Ensemble(Y, ok, t_failed, messages, *known)
 
 
 def _reduce_block(simulator: Simulator, reduction: Reduction[S], task: tuple[Array, Indices]) -> S:
@@ -318,6 +326,7 @@ class Attained:
     runs : number of runs
     blocks : samples (n, d) of each block that attains an extreme value
     lower_at, upper_at : (n_t, n_y) numbers of the blocks that attain the extreme values
+    reach : samples (n, d) with their reach (n, 2, m), see `Ensemble`
     nominal : (n_t, n_y) outputs of a run at the nominal parameters, up to rounding; None without such a run
     """
 
@@ -326,6 +335,7 @@ class Attained:
         self.nominal: Array | None = None
         self.lower, self.upper, self.runs = np.full((n_t, n_y), np.inf), np.full((n_t, n_y), -np.inf), 0
         self.blocks: list[Array] = []
+        self.reach: list[tuple[Array, Array]] = []
         self.lower_at, self.upper_at = np.zeros((2, n_t, n_y), dtype=np.intp)
 
     def add(self, lower: Array, upper: Array, P: Array, Y: Array | None, at: Indices | None) -> None:
@@ -373,8 +383,12 @@ def attained_by_runs(n_t: int, n_y: int, nominal_parameters: Array | None = None
         _STUDY.reset(token)
 
 
-def note_attained(lower: Array, upper: Array, P: Array, Y: Array | None = None, at: Indices | None = None) -> None:
+def note_attained(
+    lower: Array, upper: Array, P: Array, Y: Array | None = None, at: Indices | None = None, reach: Array | None = None
+) -> None:
     """Add values of runs, as by `Attained.add`, to the innermost context `attained_by_runs` if there is a context."""
     study = _STUDY.get()
     if study is not None:
         study.add(lower, upper, P, Y, at)
+        if reach is not None:
+            study.reach.append((P, reach))

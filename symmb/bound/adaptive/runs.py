@@ -296,7 +296,7 @@ class Runs:
         self.failed += failure_records(self.simulator, self.whole, P, failed_runs)
         low, high = ensemble.extremes()
         depend = isinstance(self.simulator, SceneSimulator)  # its runs have common steps
-        note_attained(low, high, P, None if depend else ensemble.Y)
+        note_attained(low, high, P, None if depend else ensemble.Y, reach=ensemble.reach)
         if not ensemble.ok.any():
             return ensemble.Y, ensemble.ok, ensemble.events
         # Errors are squared, and squares of numbers above 1e154 overflow. Powers of two change no digit.

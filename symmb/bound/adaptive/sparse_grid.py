@@ -99,7 +99,10 @@ class SparseGrid(OutputStudy):
         few = self.few_nodes if problem.is_brief else 2 * self.few_nodes
         if nodes < (few if problem.error < 1 else PATIENCE) * d or problem.error <= problem.tolerance:
             return False
-        factor = problem.error / min((error for n, error in problem.errors.items() if 2 * n <= nodes), default=np.inf)
+        before = min((error for n, error in problem.errors.items() if 2 * n <= nodes), default=np.inf)
+        if not before:  # an output that was constant until now
+            return True
+        factor = problem.error / before
         most = problem.runs.left + nodes if problem.is_patient else 2 * PATIENCE * d
         return factor >= 1 or np.log(problem.tolerance / problem.error) / np.log(factor) > np.log2(most / nodes)
 

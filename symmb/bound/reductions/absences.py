@@ -41,7 +41,7 @@ def bounds_with_absences(method: Method, runs: RunsOverBox) -> Bounds:
     else:
         lost = [name for name in values_at if any(never_holds(name) in run.message for run in found.failed)]
         every = bounds_of(method, runs.of(simulator.continued()), method.bounds) if lost else found
-    return _with_never(_with_columns(every, found, lost) if lost else found, simulator)
+    return with_never(_with_columns(every, found, lost) if lost else found, simulator)
 
 
 def _with_columns(every: Bounds, some: Bounds, lost: Sequence[str]) -> Bounds:
@@ -77,7 +77,7 @@ def _with_columns(every: Bounds, some: Bounds, lost: Sequence[str]) -> Bounds:
     return replace(every, **known)
 
 
-def _with_never(bounds: Bounds, simulator: FigureSimulator) -> Bounds:
+def with_never(bounds: Bounds, simulator: FigureSimulator) -> Bounds:
     """Bounds in which times are infinite if a run attains the end of the window, where a condition never holds."""
     ends = {name: end for name, end in simulator.ends.items() if end is not None}
     reached = bounds.attaining.ends["upper"] if bounds.attaining else bounds.upper

@@ -8,10 +8,10 @@ from symmb._types import Executor
 from symmb._units import units_of_parameters
 from symmb.bound.answers import Bounds
 from symmb.bound.methods import Method
-from symmb.bound.reductions.absences import bounds_with_absences
 from symmb.bound.reductions.choices import Choices
 from symmb.bound.reductions.constraints import Constraints
 from symmb.bound.reductions.reduction import Reduced, Reduction
+from symmb.bound.reductions.unseen import bounds_with_unseen
 from symmb.bound.responses import RunsOverBox
 from symmb.connect import Progress, Simulator
 from symmb.equations.model import Box, hint, require_numbers_of_words
@@ -66,4 +66,4 @@ def bounded(
                     carry(interrupt, reduction.invert(study, [*parts, *left]))
                 raise
             return reduction.invert(study, parts)
-    return bounds_with_absences(method, RunsOverBox(repr(method), simulator, box, executor, progress))
+    return bounds_with_unseen(method, RunsOverBox(repr(method), simulator, box, executor, progress))

@@ -3,16 +3,14 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from symmb._doubt import Doubt, concerned
 from symmb._errors import PropagationError
 from symmb._names import counted
-from symmb._types import Array, Indices
 from symmb.bound.answers import Bounds
 from symmb.bound.methods import Method
+from symmb.bound.reductions.hull import hull_of
 from symmb.bound.reductions.reduction import Reduced, Reduction
-from symmb.bound.responses import SIDES, AttainingRuns, first_points
+from symmb.bound.responses import first_points
 from symmb.equations.model import Box
 
 _LEFT_OUT = "Combinations without any allowed point among those that were tried are left out: {}{}."
@@ -58,10 +56,6 @@ def joined(box: Box, parts: Sequence[Bounds], lost: Mapping[str, str]) -> Bounds
 
     `lost` are errors of combinations that have no bounds, by their words.
     """
-    lower, upper = _hull([(part.lower, part.upper) for part in parts])
-    low, high = _hull([part.outer for part in parts])
-    inner = [part.inner for part in parts if part.inner is not None]
-    noise = [part.noise for part in parts if part.noise is not None]
     words = [combination_words(box, part.box) for part in parts if part.box]
     every = [combination_words(box, own) for own in box.combinations()]
     left_out = [told for told in every if told not in words and told not in lost]
@@ -69,20 +63,13 @@ def joined(box: Box, parts: Sequence[Bounds], lost: Mapping[str, str]) -> Bounds
     # Recorded runs are the same runs for all combinations.
     own = parts if parts[0].next_run is None else parts[:1]
     return replace(
-        parts[0],
-        lower=lower,
-        upper=upper,
+        hull_of(parts),
         trace=None,  # each part has its own
-        estimate=None if parts[0].estimate is None else np.maximum(lower - low, high - upper),
-        inner=_hull(inner) if len(inner) == len(parts) else None,
-        noise=np.max(noise, axis=0) if noise else None,
         evaluations=sum(part.evaluations for part in own),
-        seconds=sum(part.seconds for part in parts),
         failed=tuple(run for part in own for run in part.failed),
         failed_region="; ".join(
             f"{part.failed_region} with {told}" for part, told in zip(parts, words, strict=True) if part.failed_region
         ),
-        caution=next((part.caution for part in parts if part.caution), ""),
         run_doubts=(
             *(_LOST.format(len(lost), of_all, *first) for first in [*lost.items()][:1]),
             *_sentences([part.run_doubts for part in parts], words, parts[0].names),
@@ -92,8 +79,6 @@ def joined(box: Box, parts: Sequence[Bounds], lost: Mapping[str, str]) -> Bounds
             *([_LEFT_OUT.format("; ".join(left_out[:3]), "; ..." * (len(left_out) > 3))] if left_out else []),
             *_sentences([part.remarks for part in parts], words, parts[0].names),
         ),
-        nominal=next((part.nominal for part in parts if part.nominal is not None), None),
-        attaining=_attaining([part.attaining for part in parts]),
         parts=tuple(parts),
         lost=lost,
         box=box,
@@ -110,11 +95,6 @@ def combination_words(box: Box, combination: Box) -> str:
     return ", ".join(choice.chosen(fixed) for choice in box.choices)
 
 
-def _hull(pairs: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
-    """The smallest of several lower ends, and the largest of several upper ends."""
-    return np.min([low for low, _ in pairs], axis=0), np.max([high for _, high in pairs], axis=0)
-
-
 def _sentences(each: Sequence[Sequence[str]], words: Sequence[str], names: Sequence[str]) -> tuple[str, ...]:
     """The sentences about all combinations. A sentence about only one or some combinations names the first of them."""
     told = dict[str, list[str]]()
@@ -125,19 +105,3 @@ def _sentences(each: Sequence[Sequence[str]], words: Sequence[str], names: Seque
         text if len(some) == len(each) else Doubt(f"With {some[0]}: {text}", concerned(text, names))
         for text, some in told.items()
     )
-
-
-def _attaining(each: Sequence[AttainingRuns | None]) -> AttainingRuns | None:
-    """The runs of all combinations that attain the extremes."""
-    runs = [own for own in each if own is not None]
-    if len(runs) < len(each):
-        return None
-    offsets = np.cumsum([0, *(len(own.blocks) for own in runs)])
-    ends, at = dict[str, Array](), dict[str, Indices]()
-    for side, best in zip(SIDES, (np.argmin, np.argmax), strict=True):
-        values = np.stack([own.ends[side] for own in runs])
-        chosen = best(values, axis=0)[None]
-        numbers = np.stack([own.at[side] + offset for own, offset in zip(runs, offsets[:-1], strict=True)])
-        ends[side] = np.take_along_axis(values, chosen, axis=0)[0]
-        at[side] = np.take_along_axis(numbers, chosen, axis=0)[0]
-    return AttainingRuns(runs[0].simulator, tuple(block for own in runs for block in own.blocks), ends, at)

@@ -44,9 +44,9 @@ class RunsOverBox:
         self.times, self.outputs = np.asarray(simulator.times, dtype=float), tuple(simulator.outputs)
         self.evaluations, self.failed = 0, tuple[Failure, ...]()
 
-    def of(self, simulator: Simulator) -> "RunsOverBox":
-        """Runs of another simulator over the same box, of which none is made yet."""
-        return RunsOverBox(self._owner, simulator, self.box, self.executor, self.progress)
+    def of(self, simulator: Simulator, box: Box | None = None) -> "RunsOverBox":
+        """Runs of another simulator over the same box or another one, of which none is made yet."""
+        return RunsOverBox(self._owner, simulator, box or self.box, self.executor, self.progress)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -70,7 +70,7 @@ class RunsOverBox:
         for indices, values in blocks:
             Y[indices] = values.reshape(len(indices), *self.shape)
         self.failed += failure_records(self.simulator, self.box, samples, failed)
-        self._count(len(own))
+        self.count(len(own))
         return Y
 
     def derivatives(self, p: Array) -> Array:
@@ -88,7 +88,7 @@ class RunsOverBox:
         sample = np.array([*self.simulator.parameters.values()], dtype=float)
         sample[parameter_columns(self.simulator, self.box)] = own
         jets = self._jets(sample, np.diag(radius), 1)
-        self._count(1 + len(own))
+        self.count(1 + len(own))
         return jets[1] / radius[:, None, None]
 
     def unit_jets(self, point: Array, directions: Array, order: int) -> Array:
@@ -138,7 +138,8 @@ class RunsOverBox:
             )
         return np.clip(own, self.lower, self.upper)
 
-    def _count(self, evaluations: int) -> None:
+    def count(self, evaluations: int) -> None:
+        """Count runs, and report them as progress."""
         self.evaluations += evaluations
         if self.progress is not None:
             self.progress(self.evaluations, self.evaluations)

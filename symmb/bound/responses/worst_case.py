@@ -53,6 +53,7 @@ class AttainingRuns:
     ends : dict                    "lower", "upper" -> lowest, highest values (n_t, n_y)
     at : dict                      "lower", "upper" -> (n_t, n_y) numbers of the blocks that attain them
     others : dict                  numbers of outputs with a study of their own -> the runs of this study
+    reach : tuple                  samples (n, d) with their reach (n, 2, m); see `Ensemble`
     """
 
     simulator: Simulator
@@ -60,6 +61,7 @@ class AttainingRuns:
     ends: Mapping[str, Array]
     at: Mapping[str, Indices]
     others: "Mapping[int, AttainingRuns]" = field(default_factory=dict)
+    reach: tuple[tuple[Array, Array], ...] = ()
 
     @classmethod
     def of(cls, simulator: Simulator, attained: Attained) -> "AttainingRuns | None":
@@ -71,7 +73,7 @@ class AttainingRuns:
         used, numbers = np.flatnonzero(is_used), (np.cumsum(is_used) - 1)[both]
         ends = dict(zip(SIDES, (attained.lower, attained.upper), strict=True))
         at = dict(zip(SIDES, numbers, strict=True))
-        return cls(simulator, tuple(attained.blocks[k] for k in used), ends, at)
+        return cls(simulator, tuple(attained.blocks[k] for k in used), ends, at, reach=tuple(attained.reach))
 
     def samples(self, places: Sequence[Place]) -> list[Sample]:
         """The runs that attain bounds at places. Each block of several samples is run again once."""

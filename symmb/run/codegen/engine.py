@@ -111,7 +111,9 @@ class Study(ctypes.Structure):
         (ctypes.c_void_p, "t_failed failure x_failed Y stops"),
         (ctypes.c_long, "n_stops"),
         (ctypes.c_void_p, "passes"),
-        (ctypes.c_long, "most_passes steps iterations most"),
+        (ctypes.c_long, "most_passes"),
+        (ctypes.c_void_p, "reach"),
+        (ctypes.c_long, "steps iterations most"),
         (ctypes.c_void_p, "events"),
         (ctypes.c_long, "n_events most_events is_reduced"),
     )
@@ -125,14 +127,16 @@ class FailedSamples:
 
     The first columns of x_failed (N, ...) are the states of failed samples at the start of their last steps. `passes`
     (N, MOST_PASSES) are the first times at which samples pass switches of the state [s], nan after the last one, or
-    None. `events` (k, 14) are the events of contacts by sample, in the order of time; see `EVENT`. `faults` has, by
-    sample number, the reasons why samples cannot start.
+    None. `reach` (N, 2, m) are the smallest and largest values of the switches during a run, nan for failed samples;
+    the end that is farther from 0 may be closer than this. `events` (k, 14) are the events of contacts by sample, in
+    the order of time; see `EVENT`. `faults` has, by sample number, the reasons why samples cannot start.
     """
 
     t_failed: Array
     failure: NDArray[np.int8]
     x_failed: Array
     passes: Array | None = None
+    reach: Array | None = None
     events: Array = field(default_factory=lambda: np.empty((0, len(EVENT))))
     contacts: tuple[str, ...] = ()
     faults: Mapping[int, str] = field(default_factory=dict)
@@ -267,11 +271,17 @@ class Engine:
             x0 = np.hstack([x0, np.zeros((N, self.n_x - x0.shape[1]))])
         x0, p = np.ascontiguousarray(x0, dtype=float), np.ascontiguousarray(p, dtype=float)
         passes = np.full((N, MOST_PASSES), np.nan) if Y is not None and self._notes_passes else None
+        notes = Y is not None and self.ends.hysteresis and self.use == "lanes"
+        reach = np.full((N, 2, len(self.ends.hysteresis)), np.nan) if notes else None
         events = np.empty((N * self._room, len(EVENT)))
-        failed_samples = FailedSamples(np.full(N, np.nan), np.zeros(N, dtype=np.int8), np.empty((N, self.n_x)), passes)
+        failed_samples = FailedSamples(
+            np.full(N, np.nan), np.zeros(N, dtype=np.int8), np.empty((N, self.n_x)), passes, reach
+        )
         stops = None if self.ends.stops is None else np.ascontiguousarray(self.ends.stops(x0, p))
         arrays = {"x0": x0, "p": p, "Y": Y, "stops": stops, "events": events}
-        arrays |= {name: getattr(failed_samples, name) for name in ("t_failed", "failure", "x_failed", "passes")}
+        arrays |= {
+            name: getattr(failed_samples, name) for name in ("t_failed", "failure", "x_failed", "passes", "reach")
+        }
         study = self._study(N, 0 if stops is None else stops.shape[1], len(events), arrays)
 
         self._execute(study, parts)

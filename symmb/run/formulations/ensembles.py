@@ -148,6 +148,11 @@ class CompiledEnsemble:
         return np.cumsum(counts[:, :-1], axis=1)
 
     @property
+    def reach(self) -> Array | None:
+        """Smallest and largest values (N, 2, m) over time of the switches; see `Ensemble`."""
+        return self.failed_samples.reach
+
+    @property
     def t_failed(self) -> Array:
         """Time (N,) at which a sample failed [s]; nan if it did not fail."""
         return self.failed_samples.t_failed

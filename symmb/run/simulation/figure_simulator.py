@@ -112,8 +112,7 @@ class FigureSimulator(WithWarnings):
     @property
     def ends(self) -> dict[str, float | None]:
         """The scalar outputs with a condition, and the last time that `first_time` can give; None for `value_at`."""
-        own = [rule for rule in self.rules if rule.kind in ("first_time", "value_at")]
-        return {rule.name: rule.end for rule in own}
+        return {rule.name: rule.end for rule in self.rules if rule.is_event}
 
     def continued(self, names: Collection[str] | None = None) -> "FigureSimulator":
         """The same simulator, whose runs do not fail if the conditions of scalar outputs never hold; default: of all.
@@ -184,7 +183,7 @@ class FigureSimulator(WithWarnings):
             place = ", ".join(filter(None, [f"t = {t_failed[i]:g} s", values]))
             texts[i] = f"{place}: {' and '.join(never_holds(rule.name) for rule in lacking)}"
         Y[~ok] = np.nan
-        return Ensemble(Y, ok, t_failed, tuple(texts[i] for i in np.flatnonzero(~ok).tolist()))
+        return Ensemble(Y, ok, t_failed, tuple(texts[i] for i in np.flatnonzero(~ok).tolist()), reach=traces.reach)
 
     def stream(
         self, P: Array, reduction: Reduction[S], executor: Executor | None = None, progress: Progress | None = None
@@ -231,6 +230,13 @@ class FigureSimulator(WithWarnings):
         sizes = self._sizes(traces)
         panels = self._refined(panels, sizes, P, traces.stops)
         curves = Curves(panels, panels.is_exact(sizes), sizes, 4 * _BESIDE * self._span)
+        # A condition holds at some time if its margin falls to 0. This smallest margin is on one side in each run.
+        lowest = [
+            curves.figure(rule._replace(kind="minimum", expression=rule.margin)) for rule in self.rules if rule.is_event
+        ]
+        own = np.repeat(np.reshape(lowest, (-1, 1, len(P))).T, 2, axis=1)
+        own = own if traces.reach is None else np.concatenate([traces.reach, own], axis=2)
+        traces = traces._replace(reach=own)
         for rule in self.rules:
             values = rule.over(curves.figure(rule)[:, None])
             if rule.name in self._continued and (lacks := np.isnan(values) & traces.ok).any():
@@ -331,7 +337,7 @@ class FigureSimulator(WithWarnings):
             passes = stops if failed.passes is None else [row[np.isfinite(row)] for row in failed.passes]
             stops = [np.concatenate(pair) for pair in zip(events, passes, strict=True)]
         texts = dict(zip(np.flatnonzero(~ensemble.ok).tolist(), ensemble.messages, strict=True))
-        return _Traces(times, Y, ensemble.ok, ensemble.t_failed, texts, stops)
+        return _Traces(times, Y, ensemble.ok, ensemble.t_failed, texts, stops, ensemble.reach)
 
     def _refined(self, panels: Panels, sizes: Array, P: Array, stops: Sequence[Array]) -> Panels:
         """The panels, divided by means of further runs until the panels are exact or very short."""
@@ -449,7 +455,8 @@ def _unrefined(panels: Panels, sizes: Array) -> Curves:
 
 
 class _Traces(NamedTuple):
-    """Curves and rates Y (2, n_c, N, n_t) of samples at times (n_t,), and times at which steps end at switches [s]."""
+    """Curves and rates Y (2, n_c, N, n_t) of samples at times (n_t,), times at which steps end at switches [s], and the
+    reach (N, 2, m) of switches, see `Ensemble`."""
 
     times: Array
     Y: Array
@@ -457,6 +464,7 @@ class _Traces(NamedTuple):
     t_failed: Array
     texts: Mapping[int, str]
     stops: Sequence[Array]
+    reach: Array | None
 
 
 def _with_rates(curves: DAESimulator) -> Program:

@@ -49,6 +49,11 @@ class Rule(NamedTuple):
         return -1.0 if self.kind in ("minimum", "probability") else 1.0
 
     @property
+    def is_event(self) -> bool:
+        """Whether the scalar output has a condition, which may never hold."""
+        return self.kind in ("first_time", "value_at")
+
+    @property
     def end(self) -> float | None:
         """The last time that `first_time` can give, in its unit; None for other scalar outputs."""
         return self.window[1] * self.per_second if self.kind == "first_time" else None

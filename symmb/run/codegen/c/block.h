@@ -34,6 +34,7 @@ typedef struct {
   long n_stops;
   double *passes; /* (n, most_passes) times at which switches of the state are passed [s], NaN after the last, or NULL */
   long most_passes;
+  double *reach; /* (n, 2, N_S) smallest and largest value of each switch of the state in a run, see switches.h, or NULL */
   long steps, iterations, most; /* of all blocks; iterations of Newton's method, and their maximum in a step */
   double *events;               /* (most_events, EVENT) recorded by impacts.h; there may be more events */
   long n_events, most_events;
@@ -50,7 +51,7 @@ typedef struct {
   V p[SIZE(N_P)], scratch[2 * (N_X > N_U ? SIZE(N_X) : N_U)]; /* parameters; errors of a step, or unknowns at the start */
 #if N_S > 0
   V u[N_S], du[N_S], u_new[N_S], u_low[N_S], u_at[N_S]; /* switches times their sides, and their rates, see switches.h */
-  V raised[N_S], when, which;
+  V raised[N_S], when, which, reach[2 * N_S];
   V box[4 * N_X + 3], x_low[SIZE(N_RANGED)], dx_low[SIZE(N_RANGED)], x_end[SIZE(N_RANGED)], dx_end[SIZE(N_RANGED)]; /* of a
                                                                 part of a step, see switches.h */
 #endif

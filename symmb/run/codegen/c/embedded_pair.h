@@ -215,6 +215,7 @@ PRIVATE int begin_run(Block *b, Study *s) {
   follow_sizes(b, s);
   const int begins = find_stop(b, s);
   settle(b);
+  if (s->reach) begin_reach(b);
   if (N_E > 0 && begins && !meet_contacts(b, s, -1)) return 0;
   restart(b, s);
   return 1;
@@ -277,6 +278,7 @@ PRIVATE int finish_step(Block *b, Study *s) {
   const double z = b->pass;
   const int contact = b->contact;
   b->under_way = 0;
+  if (s->reach) extend_reach(b, z, END);
   /* The sides of passed switches change first. Then the projection follows, which may move the state over a switch again:
      raise_switches and settle choose the sides after it. Events of contacts are last, because their jumps of velocities must
      start from a state that satisfies its constraints. */
@@ -349,7 +351,9 @@ PRIVATE int go_on_with(Block *b, Study *s, double t) {
 
 /* Runs the block from the first time to the last. Returns 0 if samples failed. */
 PRIVATE int run(Block *b, Study *s) {
-  return begin_run(b, s) && run_until(b, s, s->n_t) && (!b->under_way || finish_step(b, s));
+  if (!begin_run(b, s) || !run_until(b, s, s->n_t) || (b->under_way && !finish_step(b, s))) return 0;
+  store_reach(b, s);
+  return 1;
 }
 
 #endif

@@ -66,6 +66,10 @@ PRIVATE int find_stop(Block *b, const Study *s) {
 #define SMALL 1e-12         /* fraction of the terms of a sum below which the sum is rounding */
 #define FORCE_PARTS 4       /* parts of a step in which a force that opens a contact or a joint is evaluated, at both ends and
                                in the middle. Ranges of forces from linear systems are too wide */
+#define LOOKS 4             /* parts of a step at whose ends the reach of switches is noted */
+#define DIP 0.25            /* largest fall of a switch within a step below the values at its ends, besides their difference,
+                               over its change during the run until now */
+#define TOUCH 1e-300         /* reach of a switch beyond 0 where it is passed */
 #define FORCE_LEAST 6.103515625e-05 /* fraction of a step, 2^-14. In shorter parts, only ends are examined */
 
 PRIVATE V *sides(Part *a) { return a->p + N_P - N_S; }
@@ -496,6 +500,70 @@ PRIVATE void keep_switches(Block *b) {
   EACH_PART(b) memcpy(a->u, a->u_new, sizeof a->u);
 }
 
+/* Notes the reach of the switches at the start of a run: their smallest and largest values until now, without sides. */
+PRIVATE void begin_reach(Block *b) {
+  EACH_PART(b) {
+    switches(a->x, a->c, each(between_stops(b, b->t)), a->reach);
+    memcpy(a->reach + N_S, a->reach, sizeof a->u);
+  }
+}
+
+/* Lanes in which switch k may come between two values beyond the end of its reach that is closer to 0. */
+PRIVATE M may_reach(const Part *a, int k, V begin, V end) {
+  const V least = a->reach[k], most = a->reach[N_S + k], off = v_fabs(end - begin) + DIP * (most - least);
+  const M low = (M)(most + least > 0.0);
+  return (low & (M)(v_smaller(begin, end) < least + off)) | (~low & (M)(v_larger(begin, end) > most - off));
+}
+
+/* Extends the reach by the step up to its fraction z, before the block moves there; z is 2 for a whole step. A switch that is
+   passed there has been on both sides. Within the step, switches are evaluated only if they may extend the end of their reach
+   that is closer to 0. */
+PRIVATE void extend_reach(Block *b, double z, int last) {
+  const double whole = z < 1.0 ? z : 1.0;
+  EACH_PART(b) {
+    V values[LOOKS + 1][N_S];
+    M any = (M)zero();
+    for (int k = 0; k < N_S; ++k) {
+      values[0][k] = (a->u[k] - a->raised[k]) * sides(a)[k];
+      values[LOOKS][k] = (a->u_new[k] - a->raised[k]) * sides(a)[k];
+      any |= z <= 1.0 ? ~(M)zero() : may_reach(a, k, values[0][k], values[LOOKS][k]);
+    }
+    for (int j = 1; j <= LOOKS && !none(any); ++j) {
+      const V at = each(whole * j / LOOKS), r = 1.0 - at;
+      if (j == LOOKS && z > 1.0) break;
+      if (z <= 1.0) state_at(a, at, a->x_at);
+      /* Without a pass, there may be no interpolant. The cubic through both ends is close enough. */
+      for (int i = 0; i < N_X && z > 1.0; ++i) {
+        const V d = a->x_new[i] - a->x[i], from = b->h * slope(a->x, a->k, i) - d;
+        const V to = d - b->h * slope(a->x_new, a->k + last * N_OWN, i);
+        a->x_at[i] = a->x[i] + at * (d + r * (r * from + at * to));
+      }
+      switches(a->x_at, a->c, b->t + at * b->h, values[j]);
+    }
+    for (int k = 0; k < N_S; ++k) {
+      V least = v_smaller(values[0][k], values[LOOKS][k]), most = v_larger(values[0][k], values[LOOKS][k]);
+      for (int j = 1; j < LOOKS && !none(any); ++j) {
+        /* The vertex of the parabola through three values, if it is between them. */
+        const V bend = values[j + 1][k] - 2.0 * values[j][k] + values[j - 1][k], rise = 0.5 * (values[j + 1][k] - values[j - 1][k]);
+        const V vertex = values[j][k] - choose(v_fabs(rise) < v_fabs(bend), 0.5 * rise * rise / bend, zero());
+        least = v_smaller(least, v_smaller(values[j][k], vertex));
+        most = v_larger(most, v_larger(values[j][k], vertex));
+      }
+      const M passed = z <= 1.0 ? (M)(a->when <= z) & (M)(a->which == (double)k) : (M)zero();
+      least = blend(passed, v_smaller(least, each(-TOUCH)), least);
+      most = blend(passed, v_larger(most, each(TOUCH)), most);
+      a->reach[k] = v_smaller(a->reach[k], least);
+      a->reach[N_S + k] = v_larger(a->reach[N_S + k], most);
+    }
+  }
+}
+
+/* Stores the reach of the samples of the block, at the end of a run. */
+PRIVATE void store_reach(const Block *b, const Study *s) {
+  for (long l = 0; l < b->live && s->reach; ++l)
+    for (int j = 0; j < 2 * N_S; ++j) s->reach[b->sample[l] * 2 * N_S + j] = b->part[l / W].reach[j][l % W];
+}
+
 #else
 PRIVATE void settle(Block *b) { (void)b; }
 PRIVATE int may_pass(Block *b, int last) { (void)b, (void)last; return 0; }
@@ -505,6 +573,9 @@ PRIVATE int contact_at(const Block *b, double z) { (void)b, (void)z; return -1; 
 PRIVATE int change_sides(Block *b, Study *s, double z) { (void)b, (void)s, (void)z; return 1; }
 PRIVATE void raise_switches(Block *b) { (void)b; }
 PRIVATE void keep_switches(Block *b) { (void)b; }
+PRIVATE void begin_reach(Block *b) { (void)b; }
+PRIVATE void extend_reach(Block *b, double z, int last) { (void)b, (void)z, (void)last; }
+PRIVATE void store_reach(const Block *b, const Study *s) { (void)b, (void)s; }
 #endif
 
 #endif
