@@ -25,7 +25,7 @@ from symmb.bound.answers.law_samples import (
 from symmb.bound.answers.laws import Laws
 from symmb.bound.answers.limit_state import EXPECTED_IF_NONE, SETS_OF_SAMPLES, rare_event
 from symmb.bound.nodes import Random
-from symmb.bound.responses import Responses
+from symmb.bound.responses import FINE, Responses
 from symmb.run.simulation import Sweep
 
 Ends = float | Array
@@ -330,7 +330,7 @@ def samples_of(
         )
     points = np.zeros((number, len(box)))
     points[:, own.columns] = own.unit_points((Random().points(number, len(own.names), seed) + 1) / 2, box)
-    Y = values_of(responses, points, range(len(responses.names)))
+    Y, _ = values_of(responses, points, range(len(responses.names)))
     parameters = {name: np.full(number, value) for name, value in nominal.items()}
     parameters |= dict(zip(box.names, box.from_unit(points).T, strict=True))
     parameters = ByName(parameters, units_of_parameters(nominal))
@@ -339,16 +339,22 @@ def samples_of(
     return Sweep(name, responses.t, responses.names, units, parameters, {}, Y, np.ones(number, dtype=bool), ())
 
 
-def values_of(responses: Responses, points: Array, columns: Sequence[int]) -> Array:
-    """Outputs (N, n_t, n) with these numbers at points, from polynomials that agree with some runs, or from runs."""
+def values_of(responses: Responses, points: Array, columns: Sequence[int]) -> tuple[Array, tuple[str, ...]]:
+    """Outputs (N, n_t, n) with these numbers at points, from polynomials that agree with some runs, or from runs.
+
+    If runs of a scene cost little, polynomials must be more accurate. Otherwise a remark states their error.
+    """
     runs, surrogate = responses.runs, responses.surrogate
     if surrogate is not None and responses.is_good[[*columns]].all():
         surrogate = surrogate.part(slice(None), columns)
-        if runs is None:
-            return surrogate.values(points)
-        some = points[:VERIFYING_RUNS]
-        error = SAFETY_OF_RUNS * np.abs(surrogate.values(some) - runs.values(some)[:, :, columns]).max(axis=0)
-        if responses.are_good(error, columns).all():
-            return surrogate.values(points)
+        error = surrogate.error
+        if runs is not None:
+            some = points[:VERIFYING_RUNS]
+            error = SAFETY_OF_RUNS * np.abs(surrogate.values(some) - runs.values(some)[:, :, columns]).max(axis=0)
+        is_fine = responses.are_good(error, columns, FINE)
+        if runs is None or is_fine.all() or (not runs.has_lanes and responses.are_good(error, columns).all()):
+            named = ", ".join(responses.names[columns[k]] for k in np.flatnonzero(~is_fine).tolist())
+            told = f"Polynomials replace runs. Their error is above {FINE:.0%} of the width of {named}."
+            return surrogate.values(points), (told,) if named else ()
     assert runs is not None
-    return runs.values(points)[:, :, columns]
+    return runs.values(points)[:, :, columns], ()

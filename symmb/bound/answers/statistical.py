@@ -232,7 +232,8 @@ def statistics_of(
         points[:, own.columns] = own.unit_points((Sobol().points(n, len(own.names), 0) + 1) / 2, box)
         return points
 
-    Y = values_of(responses, np.concatenate([drawn(_SAMPLES), np.eye(len(box)), -np.eye(len(box))]), columns)
+    points = np.concatenate([drawn(_SAMPLES), np.eye(len(box)), -np.eye(len(box))])
+    Y, remarks = values_of(responses, points, columns)
     mean, sigma = Y[:_SAMPLES].mean(axis=0), Y[:_SAMPLES].std(axis=0)
     if responses.runs is not None and responses.runs.on_card and not responses.is_good[columns].all():
         found = responses.runs.reduced(drawn(SAMPLES_ON_CARD), CardEnsemble.moments)
@@ -257,7 +258,7 @@ def statistics_of(
     return Statistics(
         tuple(pairs), texts, responses.t[rows[0]], mean[rows], sigma[rows], rss[rows], worst[rows], cp, cpk[rows],
         rejects, errors, at_most(below[rows], above[rows]), total[:2],
-        _DEFAULT if laws is None else laws_text(full), further_runs, (*responses.remarks, *own.remarks),
+        _DEFAULT if laws is None else laws_text(full), further_runs, (*responses.remarks, *own.remarks, *remarks),
     )  # fmt: skip
 
 

@@ -15,6 +15,8 @@ from symmb.run.formulations import CardEnsemble
 
 GOOD = 0.25
 """Largest error of usable polynomials, divided by the widths. The results contain this error."""
+FINE = 0.02
+"""Largest error of polynomials, divided by the widths, in answers that state no error, such as means and samples."""
 
 
 class Runs(Protocol):
@@ -99,12 +101,12 @@ class Responses:
         assert self.runs is not None
         return self.runs.values(points)[:, :, k]
 
-    def are_good(self, error: Array, columns: Sequence[int]) -> Mask:
-        """Mask of outputs with a small error (n_t, n) of polynomials, compared with the width, or with only noise."""
+    def are_good(self, error: Array, columns: Sequence[int], share: float = GOOD) -> Mask:
+        """Mask of outputs with an error (n_t, n) of polynomials below a share of the width, or with only noise."""
         lower, upper, floor = self.lower[:, columns], self.upper[:, columns], self.floor[[*columns]]
         power = np.frexp(np.abs([lower, upper]).max(axis=(0, 1), initial=0.0))[1]  # squares may overflow
         error, lower, upper, floor = (np.ldexp(each, -power) for each in (error, lower, upper, floor))
-        return np.logical_not(is_doubtful(error, upper - lower, floor, GOOD).any(axis=0))
+        return np.logical_not(is_doubtful(error, upper - lower, floor, share).any(axis=0))
 
     def range(self, lower: Array, upper: Array) -> tuple[Array, Array, Array]:
         """Bounds (n_t, n_y) by the polynomials over a part of the unit box, and their error (n_t, n_y).

@@ -127,9 +127,9 @@ class FailedSamples:
 
     The first columns of x_failed (N, ...) are the states of failed samples at the start of their last steps. `passes`
     (N, MOST_PASSES) are the first times at which samples pass switches of the state [s], nan after the last one, or
-    None. `reach` (N, 2, m) are the smallest and largest values of the switches during a run, nan for failed samples;
-    the end that is farther from 0 may be closer than this. `events` (k, 14) are the events of contacts by sample, in
-    the order of time; see `EVENT`. `faults` has, by sample number, the reasons why samples cannot start.
+    None. `reach` (N, 2, m) are the smallest and largest values of the switches during a run, nan for failed samples.
+    `events` (k, 14) are the events of contacts by sample, in the order of time; see `EVENT`. `faults` has, by sample
+    number, the reasons why samples cannot start.
     """
 
     t_failed: Array

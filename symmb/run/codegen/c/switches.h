@@ -67,8 +67,9 @@ PRIVATE int find_stop(Block *b, const Study *s) {
 #define FORCE_PARTS 4       /* parts of a step in which a force that opens a contact or a joint is evaluated, at both ends and
                                in the middle. Ranges of forces from linear systems are too wide */
 #define LOOKS 4             /* parts of a step at whose ends the reach of switches is noted */
-#define DIP 0.25            /* largest fall of a switch within a step below the values at its ends, besides their difference,
-                               over its change during the run until now */
+#define DIP 0.15            /* largest fall of a switch within a step below the values at its ends, over its change during the
+                               run until now: twice that of a cosine in a step with a change of phase of 1.1 */
+#define HARDLY 0.1          /* reach beyond 0, over the reach on the other side, up to which it is noted exactly */
 #define TOUCH 1e-300         /* reach of a switch beyond 0 where it is passed */
 #define FORCE_LEAST 6.103515625e-05 /* fraction of a step, 2^-14. In shorter parts, only ends are examined */
 
@@ -508,16 +509,16 @@ PRIVATE void begin_reach(Block *b) {
   }
 }
 
-/* Lanes in which switch k may come between two values beyond the end of its reach that is closer to 0. */
+/* Lanes in which switch k has been on one side until now, or hardly beyond, and may extend this end of its reach between two
+   values. */
 PRIVATE M may_reach(const Part *a, int k, V begin, V end) {
-  const V least = a->reach[k], most = a->reach[N_S + k], off = v_fabs(end - begin) + DIP * (most - least);
-  const M low = (M)(most + least > 0.0);
-  return (low & (M)(v_smaller(begin, end) < least + off)) | (~low & (M)(v_larger(begin, end) > most - off));
+  const V least = a->reach[k], most = a->reach[N_S + k], off = DIP * (most - least);
+  const M low = (M)(least > -HARDLY * most) & (M)(v_smaller(begin, end) < least + off);
+  return low | ((M)(most < -HARDLY * least) & (M)(v_larger(begin, end) > most - off));
 }
 
 /* Extends the reach by the step up to its fraction z, before the block moves there; z is 2 for a whole step. A switch that is
-   passed there has been on both sides. Within the step, switches are evaluated only if they may extend the end of their reach
-   that is closer to 0. */
+   passed there has been on both sides. Switches are evaluated within the step only if this may be needed. */
 PRIVATE void extend_reach(Block *b, double z, int last) {
   const double whole = z < 1.0 ? z : 1.0;
   EACH_PART(b) {

@@ -1,0 +1,108 @@
+"""Elements that act in a small part of the box, in which no run of the grid is."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from unseen_elements import KINDS, case, runs_of, true_range
+
+import symmb as mb
+from symmb.run.simulation import FigureSimulator, Subject
+
+PARAMETERS = {"stiffness": 100.0, "rate": 10.0, "damping": 1.0, "mass": 1.0}
+BOX = mb.Box(stiffness=(97, 103), rate=(8.5, 11.5), damping=(0.95, 1.05), mass=(0.97, 1.03))
+
+
+def shaken(element, limit, outputs, times=None, box=BOX):
+    """A block that a force shakes near resonance, and an element that acts beyond a limit."""
+    p = mb.Parameters(**PARAMETERS)
+    ground, block = mb.Ground(), mb.Body("block", p.mass, 1.0)
+    rail = mb.Prismatic("rail", ground.point(0, 0), block.point(0, 0), axis=(1, 0, 0))
+    x, v = rail.displacement, rail.displacement_rate
+    own, force = element(ground, block, rail, limit)
+    drive = 0.5 * ca.cos(p.rate * mb.t) - p.stiffness * x - p.damping * v + force
+    system = mb.System(block, rail, mb.Actuator("drive", rail, drive), *own, parameters=p)
+    times = np.linspace(0, 3, 61) if times is None else times
+    return mb.Scene(system, {"rail.displacement": 0.0}, times, outputs(x, v, system), box)
+
+
+def stop(ground, block, rail, limit):
+    return [mb.Stop("end", rail, upper=limit, law=mb.KelvinVoigt(1e4, 5.0))], 0.0
+
+
+def impact(ground, block, rail, limit):
+    return [mb.Stop("end", rail, upper=limit, restitution=0.5)], 0.0
+
+
+def rope(ground, block, rail, limit):
+    return [mb.Rope("end", [ground.point(-1, 0), block.point(0, 0)], 1e4, 1 + limit)], 0.0
+
+
+def law(ground, block, rail, limit):
+    return [], ca.if_else(rail.displacement > limit, -2e3 * (rail.displacement - limit), 0.0)
+
+
+@pytest.mark.parametrize("element", [stop, impact, rope, law])
+def test_runs_note_how_far_they_stay_from_a_switch(element):
+    limit, P = 0.06, np.array([[*PARAMETERS.values()], [102.0, 9.7, 0.97, 1.02], [98.0, 8.6, 1.05, 0.98]])
+    fine = shaken(element, limit, lambda x, v, s: {"x": x}, np.linspace(0, 3, 6001))
+    distance = limit - mb.DAESimulator(fine).run(P).Y[:, :, 0].max(axis=1)
+    assert (distance > 0).all()
+    coarse = shaken(element, limit, lambda x, v, s: {"x": x}, np.array([0.0, 1.0, 3.0]))
+    reach = np.asarray(mb.DAESimulator(coarse).run(P).reach)
+    closest = np.abs(reach).min(axis=1)  # an element may have switches of its rate as well
+    off = np.abs(closest - distance[:, None]).max(axis=0).min()
+    assert off < 1e-3 * limit
+
+
+def test_conditions_note_how_far_they_are_from_holding():
+    scene = shaken(law, 1.0, lambda x, v, s: {"late": mb.first_time(x > 0.05), "far": mb.maximum(x)})
+    simulator = Subject.of(scene).over(BOX)[0]
+    assert isinstance(simulator, FigureSimulator)
+    simulator = simulator.continued()
+    runs = simulator.run(np.array([[*PARAMETERS.values()]]))
+    assert_allclose(runs.reach[0, :, -1], 0.05 - runs.Y[0, 0, 1], atol=1e-6)
+
+
+def ridge(element, share):
+    """A scene of which a force acts in a share of the box, on an oblique ridge inside of it."""
+    free = runs_of(shaken(law, 1.0, lambda x, v, s: {"x": x}))
+    points = np.random.default_rng(0).uniform(-1, 1, (2000, 4))
+    limit = float(np.quantile(free(points).max(axis=(1, 2)), 1 - share))
+    return shaken(element, limit, lambda x, v, s: {"force": s.force("end")})
+
+
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+@pytest.mark.parametrize(("element", "share"), [(stop, 0.002), (rope, 0.002), (stop, 0.0005)])
+def test_forces_on_a_ridge_inside_of_the_box_are_found(element, share):
+    scene = ridge(element, share)
+    bounds = mb.propagate(scene)
+    _, high = true_range(scene, np.random.default_rng(0))
+    assert bounds.upper.max() > 0.95 * high.max() > 0 and "an element acts" in " ".join(bounds.remarks)
+    assert (high <= bounds.outer[1] + 0.02 * high.max()).all() or bounds.doubts
+
+
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+def test_a_force_in_less_than_a_thousandth_of_the_box_is_found():
+    scene = ridge(stop, 0.0002)
+    bounds = mb.propagate(scene)
+    worst = bounds.worst("force").upper
+    run = mb.simulate(scene, parameters=worst.parameters)["force"]
+    assert run.max() > 4 and run.max() <= bounds.upper.max() * (1 + 1e-6)
+    assert "violated" in str(bounds.check({"force": (None, 4.0)}))
+
+
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+def test_searches_keep_the_budget():
+    assert mb.propagate(ridge(stop, 0.002), mb.PolynomialChaos(budget=150)).evaluations <= 150
+
+
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+@pytest.mark.parametrize(("kind", "k"), [("stop", 4), ("law", 1)])
+def test_machines_of_the_benchmark_miss_nothing_in_silence(kind, k):
+    """In a larger number: tests/benchmarks/unseen_elements.py."""
+    rng = np.random.default_rng([0, KINDS.index(kind), k])
+    scene = case(rng, kind).scene
+    bounds, (low, high) = mb.propagate(scene), true_range(scene, rng)
+    off = np.fmax(np.fmax(bounds.outer[0] - low, high - bounds.outer[1]), 0.0)
+    assert (off <= 0.02 * (high - low).max(axis=0)).all() or bounds.doubts
