@@ -1,10 +1,12 @@
 """Rejects, root sums of squares and tolerances with a yield, against closed forms, quadrature and plain Monte Carlo."""
 
+import casadi as ca
 import numpy as np
 import pytest
 import scipy.stats as st
 from black_boxes import black_box, black_box_bounds, reloaded
 from faults import refused
+from numpy.testing import assert_allclose
 from scipy.integrate import quad
 
 import symmb as mb
@@ -160,3 +162,24 @@ def test_outputs_that_are_constant_and_yields_that_are_none():
     bounds = black_box_bounds(lambda a: [[a, 3.0]], outputs="y constant", a=(0.9, 1.1))
     assert bounds.statistical({"constant": (2, None)}).total == (0.0, 0.0)
     assert bounds.statistical({"constant": (4, None)}).total[0] == 1
+
+
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+@pytest.mark.parametrize("middle", [0.1, 0.45])
+@pytest.mark.parametrize("has_lanes", [True, False])
+def test_means_of_distances_are_exact_or_state_their_error(middle, has_lanes):
+    """A distance has a kink at one point. Polynomials of its square root are wrong by up to a tenth of its width."""
+    box, p = mb.Box(x=(-1, 1), y=(-1, 1)), mb.Parameters(x=0.0, y=0.0)
+    square = (p.x - middle) ** 2 + (p.y + middle) ** 2
+    simulator = mb.Scene(mb.System(parameters=p), {}, [0.0], {"distance": ca.sqrt(square)}, box)
+    if not has_lanes:
+        simulator = mb.FunctionSimulator(
+            lambda x, y: [[np.hypot(x - middle, y + middle)]], {"x": 0.0, "y": 0.0}, [0.0], ["distance"]
+        )
+    found = mb.propagate(simulator, mb.PolynomialChaos(budget=60), box).statistical({"distance": (None, 0.5)})
+    drawn = st.truncnorm(-3, 3, scale=1 / 3).rvs((2, 400_000), random_state=0)
+    expected = np.hypot(drawn[0] - middle, drawn[1] + middle)
+    of_polynomials = any("Polynomials replace runs" in remark for remark in found.remarks)
+    assert of_polynomials == (found.runs < 1000) and not (has_lanes and of_polynomials)
+    tolerance = 0.1 if of_polynomials else 0.005
+    assert_allclose([found.mean[0], found.sigma[0]], [expected.mean(), expected.std()], rtol=tolerance)

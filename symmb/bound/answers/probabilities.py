@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -330,7 +331,7 @@ def samples_of(
         )
     points = np.zeros((number, len(box)))
     points[:, own.columns] = own.unit_points((Random().points(number, len(own.names), seed) + 1) / 2, box)
-    Y, _ = values_of(responses, points, range(len(responses.names)))
+    Y = values_of(responses, points, range(len(responses.names))).Y
     parameters = {name: np.full(number, value) for name, value in nominal.items()}
     parameters |= dict(zip(box.names, box.from_unit(points).T, strict=True))
     parameters = ByName(parameters, units_of_parameters(nominal))
@@ -339,22 +340,30 @@ def samples_of(
     return Sweep(name, responses.t, responses.names, units, parameters, {}, Y, np.ones(number, dtype=bool), ())
 
 
-def values_of(responses: Responses, points: Array, columns: Sequence[int]) -> tuple[Array, tuple[str, ...]]:
-    """Outputs (N, n_t, n) with these numbers at points, from polynomials that agree with some runs, or from runs.
+class Values(NamedTuple):
+    """Outputs (N, n_t, n) at points, the number of runs for them, and remarks."""
+
+    Y: Array
+    runs: int
+    remarks: tuple[str, ...] = ()
+
+
+def values_of(responses: Responses, points: Array, columns: Sequence[int]) -> Values:
+    """Outputs with these numbers at points (N, d), from polynomials that agree with some runs, or from runs.
 
     If runs of a scene cost little, polynomials must be more accurate. Otherwise a remark states their error.
     """
-    runs, surrogate = responses.runs, responses.surrogate
+    runs, surrogate, made = responses.runs, responses.surrogate, 0
     if surrogate is not None and responses.is_good[[*columns]].all():
         surrogate = surrogate.part(slice(None), columns)
         error = surrogate.error
         if runs is not None:
-            some = points[:VERIFYING_RUNS]
+            some, made = points[:VERIFYING_RUNS], VERIFYING_RUNS
             error = SAFETY_OF_RUNS * np.abs(surrogate.values(some) - runs.values(some)[:, :, columns]).max(axis=0)
         is_fine = responses.are_good(error, columns, FINE)
         if runs is None or is_fine.all() or (not runs.has_lanes and responses.are_good(error, columns).all()):
             named = ", ".join(responses.names[columns[k]] for k in np.flatnonzero(~is_fine).tolist())
             told = f"Polynomials replace runs. Their error is above {FINE:.0%} of the width of {named}."
-            return surrogate.values(points), (told,) if named else ()
+            return Values(surrogate.values(points), made, (told,) if named else ())
     assert runs is not None
-    return runs.values(points)[:, :, columns], ()
+    return Values(runs.values(points)[:, :, columns], made + len(points))

@@ -233,7 +233,7 @@ def statistics_of(
         return points
 
     points = np.concatenate([drawn(_SAMPLES), np.eye(len(box)), -np.eye(len(box))])
-    Y, remarks = values_of(responses, points, columns)
+    Y, made, remarks = values_of(responses, points, columns)
     mean, sigma = Y[:_SAMPLES].mean(axis=0), Y[:_SAMPLES].std(axis=0)
     if responses.runs is not None and responses.runs.on_card and not responses.is_good[columns].all():
         found = responses.runs.reduced(drawn(SAMPLES_ON_CARD), CardEnsemble.moments)
@@ -254,7 +254,7 @@ def statistics_of(
     ordered = zip(pairs.items(), columns, strict=True)
     texts = tuple(limit_text(name, units[k], *pair) for (name, pair), k in ordered)
     rejects, errors, runs = (np.array(each) for each in zip(*single, strict=True))
-    further_runs = int(runs.sum()) + (total[2] if len(single) > 1 else 0) + responses.extra_runs
+    further_runs = made + int(runs.sum()) + (total[2] if len(single) > 1 else 0) + responses.extra_runs
     return Statistics(
         tuple(pairs), texts, responses.t[rows[0]], mean[rows], sigma[rows], rss[rows], worst[rows], cp, cpk[rows],
         rejects, errors, at_most(below[rows], above[rows]), total[:2],
