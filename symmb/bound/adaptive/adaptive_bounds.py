@@ -93,10 +93,17 @@ def adaptive_bounds(
         range_of=estimated.surrogate,
         trace=Trace(tuple(runs.rounds.steps), evidence.rule),
     )
-    del runs  # frees memory: the polynomials need as much as the runs
     found = estimated.polynomials and estimated.polynomials()
     if found is None:
         return bounds
+    if scalar:  # bounds from runs at corners may contain values that polynomials through other runs do not have
+        points = np.concatenate([runs.places[runs.is_attained], runs.points])
+        Y = np.concatenate([runs.nodes[runs.is_attained][:, :1, scalar], runs.checks[:, :1, scalar]])
+        off = np.abs(found.part([0], scalar).values(points) - Y).max(axis=0) - runs.noise[scalar]
+        error = found.error.copy()
+        error[:, scalar] = np.maximum(error[:, scalar], off)
+        found = replace(found, error=error)
+    del runs  # frees memory: the polynomials need as much as the runs
 
     def in_units(own: Expansion) -> Expansion:
         own = own.without(np.zeros(d, dtype=bool), is_noise)

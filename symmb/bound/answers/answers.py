@@ -193,11 +193,12 @@ class Answers(Envelope):
     def _acting(self, box: Box, columns: Sequence[int]) -> tuple[str, ...]:
         """Names of the parameters that act on some outputs, given by their indices.
 
-        Fixed parameters are left out. If there are polynomials, parameters with effects below noise and rounding are
-        also left out.
+        Fixed parameters are left out. If there are good polynomials, parameters with effects below noise and rounding
+        are also left out.
         """
         acts = box.radius > 0
-        if self.surrogate is not None:
+        if self.good_surrogate(columns) is not None:
+            assert self.surrogate is not None
             rounding = ROUNDING * self.scale
             floor = np.maximum(rounding, 0.0 if self.noise is None else self.noise)
             acts &= self.surrogate.part(slice(None), columns).acting(floor[[*columns]])

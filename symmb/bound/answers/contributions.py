@@ -137,7 +137,9 @@ class Contributions(Result, Saved):
         title = f"{name}{at_time(self.t, i)}" if has_times else name
         rows = [[title, "alone", "±", "saved", "±", f"of width {width:.4g}", "first", "total"]]
         for p in np.argsort(-self.alone[i, k], kind="stable"):
-            share = f"{self.alone[i, k, p] / width:.1%} / {self.saved[i, k, p] / width:.1%}" if width > 0 else "–"
+            share = (
+                f"{self.alone[i, k, p] / width:.1%} / {self.saved[i, k, p] / width:.1%}" if 0 < width < np.inf else "–"
+            )
             pairs = zip((self.alone, self.saved), errors, strict=True)
             widths = (text for value, e in pairs for text in (f"{value[i, k, p]:.4g}", f"{e[i, k, p]:.1g}"))
             indices = (f"{x:.3f}" if np.isfinite(x) else "–" for x in (self.first[i, k, p], self.total[i, k, p]))
@@ -219,6 +221,7 @@ class Contributions(Result, Saved):
         return Labelled(coordinates, variables, {"method": self.method}, units, rows)
 
 
+@np.errstate(invalid="ignore")  # widths may be infinite
 def contributions_of(responses: Responses, may_run: bool = True) -> Contributions | None:
     """Contributions from ranges over lines and faces through the nominal point, and from variance fractions.
 
@@ -239,7 +242,7 @@ def contributions_of(responses: Responses, may_run: bool = True) -> Contribution
     first, total, share_estimate, sampled, residual = _shares(responses, may_run)
     of_alone, of_others = np.minimum([of_alone, of_others], _BEYOND_SAMPLES * residual + responses.floor)
     of_saved = np.where(free[:, None, None], 2 * (of_others + responses.estimate) + width - whole, 0.0)
-    errors = np.minimum([2 * of_alone, of_saved], width)
+    errors = np.nan_to_num(np.minimum([2 * of_alone, of_saved], width), nan=np.inf, posinf=np.inf)
     alone, saved, first, total = (np.moveaxis(part, 0, -1) for part in (alone, saved, first, total))
     units = responses.units or ("",) * len(responses.names)
     return Contributions(

@@ -257,7 +257,7 @@ def statistics_of(
     further_runs = made + int(runs.sum()) + (total[2] if len(single) > 1 else 0) + responses.extra_runs
     return Statistics(
         tuple(pairs), texts, responses.t[rows[0]], mean[rows], sigma[rows], rss[rows], worst[rows], cp, cpk[rows],
-        rejects, errors, at_most(below[rows], above[rows]), total[:2],
+        rejects, errors, np.maximum(at_most(below[rows], above[rows]), rejects), total[:2],
         _DEFAULT if laws is None else laws_text(full), further_runs, (*responses.remarks, *own.remarks, *remarks),
     )  # fmt: skip
 

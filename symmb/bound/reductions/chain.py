@@ -8,6 +8,7 @@ from symmb._types import Executor
 from symmb._units import units_of_parameters
 from symmb.bound.answers import Bounds
 from symmb.bound.methods import Method
+from symmb.bound.reductions.absences import bounds_with_absences
 from symmb.bound.reductions.choices import Choices
 from symmb.bound.reductions.constraints import Constraints
 from symmb.bound.reductions.reduction import Reduced, Reduction
@@ -27,8 +28,11 @@ def bounded(
     *,
     executor: Executor | None = None,
     progress: Progress | None = None,
+    searched: bool = True,
 ) -> Bounds:
     """Bound all outputs of a simulator at all its times over a box, without check runs; see `propagate`.
+
+    If `searched` is False, there is no search for elements that act in a small part of the box.
 
     Raises
     ------
@@ -49,7 +53,9 @@ def bounded(
 
     def found(own: Box) -> Bounds | PropagationError:
         try:
-            return bounded(method, simulator, own, executor=executor, progress=progress)
+            # Places that the constraints do not allow would be searched, and change the errors of the polynomials.
+            may_search = searched and not box.constraints
+            return bounded(method, simulator, own, executor=executor, progress=progress, searched=may_search)
         except PropagationError as error:
             return error
 
@@ -66,4 +72,5 @@ def bounded(
                     carry(interrupt, reduction.invert(study, [*parts, *left]))
                 raise
             return reduction.invert(study, parts)
-    return bounds_with_unseen(method, RunsOverBox(repr(method), simulator, box, executor, progress))
+    runs = RunsOverBox(repr(method), simulator, box, executor, progress)
+    return bounds_with_unseen(method, runs) if searched else bounds_with_absences(method, runs)

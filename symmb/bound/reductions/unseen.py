@@ -12,12 +12,15 @@ import numpy as np
 from symmb._errors import PropagationError
 from symmb._names import counted
 from symmb._types import Array
+from symmb._units import typeset
 from symmb.bound.answers import Bounds
 from symmb.bound.methods import Method, PolynomialChaos, bounds_of
+from symmb.bound.nodes import Sobol
 from symmb.bound.polynomials import TotalDegree, basis_values
+from symmb.bound.polynomials.ranges import attained_extremes
 from symmb.bound.reductions.absences import bounds_with_absences, with_never
 from symmb.bound.reductions.hull import distance, hull_of
-from symmb.bound.responses import RunsOverBox, parameter_columns, parameter_samples
+from symmb.bound.responses import FINE, RunsOverBox, parameter_columns, parameter_samples
 from symmb.bound.searches import direct_search
 from symmb.connect import Simulator, note_attained, run_blocks
 from symmb.equations.model import Box
@@ -31,10 +34,18 @@ _KNOWN, _HIGHEST = 1.5, 2
 Highest degree of these polynomials."""
 _STARTS = 4
 """Number of runs closest to a switch from which a search starts."""
-_LEAST_RUNS = 100
-"""Number of runs of all searches after a small study. After other studies, it is the number of runs of the study."""
-_ROOM, _LEAST_HALF = 1.3, 0.05
+_LEAST_RUNS, _FINDING = 60, 0.6
+"""Number of runs of all searches after a small study, for each parameter. After other studies, it is the number of runs
+of the study. Share of these runs after which a search ends if it has not found a run that reaches the switch."""
+_RAYS = 0.5 ** np.arange(-1.0, 5.0)
+"""Distances from the deepest place, along each axis, of runs that show where an element acts."""
+_SPREAD, _WIDER = 64, 2.0
+"""Number of runs that are spread over a part, which is wider than that of earlier runs by a factor. They show where an
+element acts far from the axes through the deepest place."""
+_ROOM, _LEAST_HALF = 1.5, 0.05
 """Size of the part of the box, over that of a box around all runs in which an element acts. Its least half width."""
+_MOST_OF_BOX = 0.5
+"""Share of the box from which on a part has no study of its own."""
 _FEW = 0.25
 """Largest share of the runs of a study that reach a switch, if a search is necessary. If more runs reach it, the study
 sees how outputs depend on its element."""
@@ -49,7 +60,7 @@ def bounds_with_unseen(method: Method, runs: RunsOverBox) -> Bounds:
         return found
     own = runs.of(simulator.continued() if isinstance(simulator, FigureSimulator) else simulator)
     search = _Search(own, found)
-    most = max(found.evaluations, _LEAST_RUNS)
+    most = max(found.evaluations, _LEAST_RUNS * len(runs.box))
     if method.budget is not None:
         most = min(most, method.budget - found.evaluations)
     try:
@@ -59,17 +70,31 @@ def bounds_with_unseen(method: Method, runs: RunsOverBox) -> Bounds:
     if not own.evaluations:
         return found
     parts = [found, _of_events(seen, found, own.simulator)]
+    told = list[str]()
     for box in search.parts():
-        part = method
+        part, where = method, f"An element acts where {_words(box, runs.box)}. None or few of the first runs are there."
         if method.budget is not None:
             part = replace(method, budget=max(method.budget - sum(each.evaluations for each in parts), 1))
         try:
             parts.append(bounds_with_absences(part, runs.of(simulator, box)))
-        except PropagationError as error:
-            reason = str(error).splitlines()[0]
-            told = f"In the part {box!r}, an element acts that does not act elsewhere. It has no bounds: {reason}"
-            parts[0] = replace(found, run_doubts=(*found.run_doubts, told))
-    return _joined(parts)
+        except PropagationError:  # too few runs are left, or runs fail
+            doubt = f"{where} No study of this part was possible, so the bounds contain only the runs of a search."
+            parts[0] = replace(found, run_doubts=(*found.run_doubts, doubt))
+        else:
+            told.append(f"{where} {counted(parts[-1].evaluations, 'further run')} bound this part.")
+    return _joined(parts, told)
+
+
+def _words(part: Box, box: Box) -> str:
+    """The intervals of a part that are smaller than those of the box, in words."""
+    units = dict(zip(box.names, box.units, strict=False))
+    ends = zip(part.names, part.bounds, part.radius < 0.99 * box.radius, strict=True)
+    own = [
+        f"{name} is from {low:.5g} to {high:.5g} {typeset(units.get(name, ''))}".rstrip()
+        for name, (low, high), is_smaller in ends
+        if is_smaller
+    ]
+    return " and ".join(filter(None, [", ".join(own[:-1]), *own[-1:]]))
 
 
 def _of_events(seen: Bounds, found: Bounds, simulator: Simulator) -> Bounds:
@@ -83,21 +108,24 @@ def _of_events(seen: Bounds, found: Bounds, simulator: Simulator) -> Bounds:
     return replace(seen, lower=lower, upper=upper, inner=(lower, upper))
 
 
-def _joined(parts: list[Bounds]) -> Bounds:
+def _joined(parts: list[Bounds], remarks: list[str]) -> Bounds:
     """The bounds over the whole box, from its study, from further runs, and from studies of parts of the box."""
     whole, _, *others = parts
-    remarks = [
-        f"In the part {part.box!r}, an element acts that acts in none or few of the first "
-        f"{counted(whole.evaluations, 'run')}. {counted(part.evaluations, 'further run')} bound this part."
-        for part in others
-    ]
+    studies = hull_of([whole, *others])
     doubts = dict.fromkeys(doubt for part in parts for doubt in part.run_doubts)
     result = replace(hull_of(parts), run_doubts=tuple(doubts), remarks=(*whole.remarks, *remarks))
+    if result.estimate is not None:  # runs of the search beyond the studies show an error of these
+        beyond = np.maximum(distance(studies.lower, result.lower), distance(result.upper, studies.upper))
+        result = replace(result, estimate=np.maximum(result.estimate, np.where(np.isfinite(beyond), beyond, 0.0)))
     if whole.surrogate is None:
         return result
-    # The polynomials do not know the part. There they are wrong by up to the distance of its bounds from theirs.
+    # The polynomials do not know the parts. If these change the bounds, the polynomials have no known error.
     off = np.maximum(distance(whole.lower, result.lower), distance(result.upper, whole.upper))
-    return replace(result, surrogate=whole.surrogate.changed(lambda own: own, np.maximum(whole.surrogate.error, off)))
+    is_new = off > FINE * distance(result.upper, result.lower)
+    surrogate = whole.surrogate.changed(
+        lambda own: own, np.where(is_new, np.inf, np.maximum(whole.surrogate.error, off))
+    )
+    return replace(result, surrogate=surrogate)
 
 
 class _Search:
@@ -116,80 +144,104 @@ class _Search:
         self._sides = np.where((reach[ok][:, 0] > 0).mean(axis=0) > 0.5, 1.0, -1.0)
         self._distances = self._from(reach[ok])
         self._reached: list[Array] = []
+        self._known: list[tuple[Array, Array]] = []
+        self._ends = np.full(runs.shape, np.inf), np.full(runs.shape, -np.inf)
 
     def _from(self, reach: Array) -> Array:
         """Distances (N, m) from the switches, by their reach (N, 2, m)."""
         return np.where(self._sides > 0, reach[:, 0], -reach[:, 1])
 
     def extremes(self, most: int) -> tuple[Array, Array, Array]:
-        """Lowest and highest outputs (n_t, n_y) of at most about `most` runs of the searches, and their error, 0."""
-        ends, runs = [np.full(self._runs.shape, np.inf), np.full(self._runs.shape, -np.inf)], self._runs
-        for k in self._within_reach():
-            known = list[tuple[Array, Array]]()
-
-            def nearness(X: Array, k: int = k, known: list[tuple[Array, Array]] = known) -> Array:
-                """The negative distance (N,) from switch k of the runs at points (N, d)."""
-                points = np.zeros((len(X), len(self._varied)))
-                points[:, self._varied] = X
-                P = parameter_samples(runs.simulator, runs.box, points)
-                ensemble = run_blocks(runs.simulator, P, runs.executor)
-                runs.count(len(P))
-                low, high = ensemble.extremes()
-                note_attained(low, high, P)
-                ends[:] = np.minimum(ends[0], low), np.maximum(ends[1], high)
-                assert ensemble.reach is not None
-                distances = self._from(ensemble.reach)[:, k]
-                known.append((X, distances))
-                return np.where(np.isfinite(distances), -distances, -np.inf)
-
-            starts = np.vstack([self._X[np.argsort(self._distances[:, k])[:_STARTS]], self._lowest(k)])
-            left = most - runs.evaluations
+        """Lowest and highest outputs (n_t, n_y) of at most `most` runs of the searches, and their error, 0."""
+        for k, place in self._within_reach():
+            self._known = []
+            starts = np.vstack([place, self._X[np.argsort(self._distances[:, k])[:_STARTS]]])
+            left = most - self._runs.evaluations
             if left <= 0:
                 break
-            best = direct_search(nearness, starts, left, -np.finfo(float).tiny)
+
+            def nearness(X: Array, k: int = k) -> Array:
+                return self._nearness(k, X, most)
+
+            best = direct_search(nearness, starts, int(_FINDING * left), -np.finfo(float).tiny)
             if best.value < 0:
                 continue
-            direct_search(nearness, best.place[None], most - runs.evaluations)
-            X, distances = (np.concatenate(each) for each in zip(*known, strict=True))
-            self._reached.append(X[distances <= 0])
-        return ends[0], ends[1], np.zeros(runs.shape)
+            if most > self._runs.evaluations:
+                best = direct_search(nearness, best.place[None], most - self._runs.evaluations - self._runs_around)
+            axes = np.concatenate([np.eye(len(best.place)), -np.eye(len(best.place))])
+            nearness(np.clip(best.place + (_RAYS[:, None, None] * axes).reshape(-1, len(best.place)), -1.0, 1.0))
+            low, high = _around(self._acting(), _WIDER)
+            nearness(low + (Sobol().points(_SPREAD, len(low), seed=0) + 1) / 2 * (high - low))
+            self._reached.append(self._acting())
+        return self._ends[0], self._ends[1], np.zeros(self._runs.shape)
+
+    def _acting(self) -> Array:
+        """The places (n, d) of runs of the present search that reach the switch."""
+        X, nearness = (np.concatenate(each) for each in zip(*self._known, strict=True))
+        return X[nearness >= 0]
+
+    @property
+    def _runs_around(self) -> int:
+        return 2 * len(_RAYS) * int(self._varied.sum()) + _SPREAD
+
+    def _nearness(self, k: int, X: Array, most: int) -> Array:
+        """The negative distance (N,) from switch k of runs at points X (N, d); -inf for failed runs, and without runs
+        left."""
+        runs, result = self._runs, np.full(len(X), -np.inf)
+        X = X[: most - runs.evaluations]
+        if not len(X):
+            return result
+        points = np.zeros((len(X), len(self._varied)))
+        points[:, self._varied] = X
+        P = parameter_samples(runs.simulator, runs.box, points)
+        ensemble = run_blocks(runs.simulator, P, runs.executor)
+        runs.count(len(P))
+        low, high = ensemble.extremes()
+        note_attained(low, high, P)
+        self._ends = np.minimum(self._ends[0], low), np.maximum(self._ends[1], high)
+        assert ensemble.reach is not None
+        distances = self._from(ensemble.reach)[:, k]
+        result[: len(X)] = np.where(np.isfinite(distances), -distances, -np.inf)
+        self._known.append((X, result[: len(X)]))
+        return result
 
     def parts(self) -> list[Box]:
-        """Parts of the box around the runs that reach a switch. Parts that overlap are one part."""
+        """Parts of the box around the runs that reach a switch. Parts that overlap are one part.
+
+        A part that is most of the box is left out, because its study would be that of the box.
+        """
         parts = list[tuple[Array, Array]]()
         for X in self._reached:
-            middle = (X.min(axis=0) + X.max(axis=0)) / 2
-            half = np.maximum(_ROOM * np.ptp(X, axis=0) / 2, _LEAST_HALF)
-            low, high = np.maximum(middle - half, -1.0), np.minimum(middle + half, 1.0)
+            low, high = _around(X, _ROOM)
             for k, (other_low, other_high) in enumerate(parts):
                 if (np.maximum(low, other_low) < np.minimum(high, other_high)).all():
                     parts[k] = np.minimum(low, other_low), np.maximum(high, other_high)
                     break
             else:
                 parts.append((low, high))
-        return [self._box(*ends) for ends in parts]
+        return [self._box(low, high) for low, high in parts if np.prod((high - low) / 2) < _MOST_OF_BOX]
 
-    def _within_reach(self) -> list[int]:
-        """Numbers of the switches that no run or few runs have reached, and that a run may reach, the closest first."""
+    def _within_reach(self) -> list[tuple[int, Array]]:
+        """Numbers of the switches that no run or few runs have reached, and that a run may reach, the closest first.
+
+        With each number, the place (d,) at which a polynomial of the distance is lowest.
+        """
         (N, d), y = self._X.shape, self._distances
         own = np.flatnonzero(((y <= 0).mean(axis=0) <= _FEW) & (np.ptp(y, axis=0) > 0)) if N else np.empty(0, dtype=int)
+        places = np.zeros((len(own), d))
         for degree in range(1, _HIGHEST + 1):
             alpha = TotalDegree().indices(d, degree)
-            if not own.size or N < _KNOWN * len(alpha):
+            if not own.size or (degree > 1 and N < _KNOWN * len(alpha)):
                 break
             V = basis_values(alpha, self._X)
-            c = np.linalg.lstsq(V, y[:, own])[0]
+            c = np.asarray(np.linalg.lstsq(V, y[:, own])[0], dtype=float)
             off = np.abs(V @ c - y[:, own]).max(axis=0)
-            # Legendre polynomials are at most 1.
-            lowest = np.minimum(c[0] - np.abs(c[1:]).sum(axis=0), y[:, own].min(axis=0))
-            own = own[lowest <= _SLACK * off]
-        return own[np.argsort(y[:, own].min(axis=0) / np.ptp(y[:, own], axis=0))].tolist() if own.size else []
-
-    def _lowest(self, k: int) -> Array:
-        """The corner (d,) at which a linear polynomial of the distance from switch k is lowest."""
-        V = np.column_stack([np.ones(len(self._X)), self._X])
-        slope = np.linalg.lstsq(V, self._distances[:, k])[0][1:]
-        return np.where(slope > 0, -1.0, 1.0)
+            lowest, _, places, _ = attained_extremes(alpha, c)
+            near = np.minimum(lowest, y[:, own].min(axis=0)) <= _SLACK * off
+            near |= N < _KNOWN * len(alpha)
+            own, places = own[near], places[near]
+        order = np.argsort(y[:, own].min(axis=0, initial=np.inf) / np.ptp(y[:, own], axis=0)) if own.size else own
+        return [(int(own[j]), places[j]) for j in order]
 
     def _box(self, low: Array, high: Array) -> Box:
         box, ends = self._runs.box, np.array([[-1.0], [1.0]]) * np.ones(len(self._varied))
@@ -198,3 +250,10 @@ class _Search:
         pairs = dict(zip(box.names, map(tuple, values.T.tolist()), strict=True))
         units = dict(zip(box.names, box.units, strict=False))
         return Box(**{name: (*pair, units[name]) if units.get(name) else pair for name, pair in pairs.items()})
+
+
+def _around(X: Array, factor: float) -> tuple[Array, Array]:
+    """Ends (d,), (d,) of a part of the unit box around places (n, d), wider than their range by a factor."""
+    middle = (X.min(axis=0) + X.max(axis=0)) / 2
+    half = np.maximum(factor * np.ptp(X, axis=0) / 2, _LEAST_HALF)
+    return np.maximum(middle - half, -1.0), np.minimum(middle + half, 1.0)
