@@ -197,8 +197,7 @@ class Answers(Envelope):
         are also left out.
         """
         acts = box.radius > 0
-        if self.good_surrogate(columns) is not None:
-            assert self.surrogate is not None
+        if self.surrogate is not None and (self.estimate is None or self.have_good_surrogate()[[*columns]].all()):
             rounding = ROUNDING * self.scale
             floor = np.maximum(rounding, 0.0 if self.noise is None else self.noise)
             acts &= self.surrogate.part(slice(None), columns).acting(floor[[*columns]])
