@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from symmb._errors import DeclarationError, PropagationError, warn_of
+from symmb._errors import DeclarationError, PropagationError
 from symmb._magnitudes import ROUNDING, SAME
 from symmb._names import ByName
 from symmb._types import Array, Mask
@@ -20,18 +20,7 @@ from symmb.bound.answers.probabilities import Probability, Quantiles, probabilit
 from symmb.bound.answers.statistical import Statistics, statistics_of
 from symmb.bound.polynomials import Moments, moments
 from symmb.bound.polynomials.ranges import Piecewise
-from symmb.bound.responses import (
-    DOUBTFUL,
-    GOOD,
-    SIDES,
-    AttainingRuns,
-    Place,
-    Responses,
-    Worst,
-    WorstCase,
-    is_doubtful,
-    row_of,
-)
+from symmb.bound.responses import GOOD, SIDES, AttainingRuns, Place, Responses, Worst, WorstCase, is_doubtful, row_of
 from symmb.equations.model import Box, chosen_words, require_only_intervals
 from symmb.run.simulation import Sweep
 
@@ -137,8 +126,8 @@ class Answers(Envelope):
     def moments(self) -> Moments:
         """Mean, variance and Sobol indices, for parameters that are uniform and independent in the box.
 
-        They are those of the polynomials. A SymmbWarning is issued if the error of the polynomials is above 10 % of the
-        width of an output.
+        They are those of the polynomials, which may be less accurate inside of the box than the bounds. `statistical` and
+        `samples` check polynomials by runs.
 
         Raises
         ------
@@ -152,11 +141,6 @@ class Answers(Envelope):
                 f"Bounds by {self.method} have no polynomial for the whole box, so they have no moments. Use "
                 "PolynomialChaos(order=4). If the response has kinks or jumps, compute moments from Bounds.samples."
             )
-        if self.surrogate is not None:
-            wrong = np.any(is_doubtful(*self._scaled(self.surrogate.error), DOUBTFUL), axis=0)
-            names = ", ".join(name for name, own in zip(self.names, wrong, strict=True) if own)
-            told = f"The error of the polynomials is above {DOUBTFUL:.0%} of the width of {names}. Use Bounds.samples."
-            warn_of([told] if names else [], "Bounds.moments")
         return moments(self.expansion, self.t, self.names)
 
     def contributions(self) -> Contributions:
