@@ -126,8 +126,8 @@ class Answers(Envelope):
     def moments(self) -> Moments:
         """Mean, variance and Sobol indices, for parameters that are uniform and independent in the box.
 
-        They are those of the polynomials, which may be less accurate inside of the box than the bounds are. `statistical`
-        and `samples` check polynomials by runs.
+        They are those of the polynomials, which may be less accurate inside of the box than the bounds are.
+        `statistical` and `samples` check polynomials by runs.
 
         Raises
         ------
