@@ -165,7 +165,7 @@ class Trace(Sequence[Step]):
         return "\n".join(aligned(self._rows(), left=(1, 2, 4, 7)))
 
     def _repr_html_(self) -> str:
-        return html.table(self._rows(), left=(1, 2, 4, 7))
+        return html.page(html.table(self._rows(), left=(1, 2, 4, 7)))
 
     def record(self) -> dict[str, Any]:
         """Entries of a file. For each output, only times at which the rule changes are kept."""

@@ -90,8 +90,9 @@ def _annex(
         yield section("Limits", check._tabulated(), *worst, style="limits")
     yield section("Bounds", bounds._tabulated(bounds._about()))
     if bounds.trace is not None:
-        reasons = [("", bounds.why(name)) for name in bounds.names]
-        yield section("How the errors were found", document.sentences(reasons), bounds.trace._repr_html_())
+        reasons = [("", bounds.why(bounds.names[k])) for k in _shown(bounds, check)]
+        found = document.sentences(reasons), bounds.trace._repr_html_()
+        yield section("How the errors were found", *found, style="found")
     yield section("Worst cases", _part_or_reason(lambda: _worst(bounds, check)))
     if bounds.range_of or shares is not None:  # other methods would need a second study
         asked = _ASKED_BY_COMMAND if command else _ASKED
