@@ -83,7 +83,7 @@ def test_a_grid_continues_most_likely_through_other_points():
     points = np.array([[0.4, 0.9]])
     checks = np.array([[[0.1, -0.2]]])
     base = Expansion(grid.alpha, np.zeros((len(grid.alpha), 1, 2)), ("a", "b"))
-    own = Corrected(base, continuation, points, checks).expansion()
+    own = Corrected.of(base, continuation, points, checks).expansion()
     assert_allclose(own.values(points), checks, rtol=1e-4)
     assert_allclose(own.values(grid.nodes), 0.0, atol=1e-12)
     first = {tuple(a): abs(f[0, 0]) for a, f in zip(own.alpha.tolist(), own.coefficients, strict=True)}
@@ -96,7 +96,7 @@ def test_both_forms_of_the_most_likely_continuation_agree():
     base = Expansion(grid.alpha, np.zeros((len(grid.alpha), 1, 1)), ("a", "b"))
     n = len(continuation.alpha)
     points, places = RNG.uniform(-1, 1, (n + 1, 2)), RNG.uniform(-1, 1, (5, 2)).round(1)
-    many = Corrected(base, continuation, points, points[:, :1, None])
+    many = Corrected.of(base, continuation, points, points[:, :1, None])
     free, there = (continuation.free(grid.alpha, x) for x in (points, places))
     products = free @ free.T + continuation.noise * np.eye(n + 1)
     likely = free.T @ np.linalg.solve(products, points[:, 0])

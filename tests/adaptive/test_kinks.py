@@ -1,5 +1,7 @@
 """Bounds of responses with kinks and jumps at impacts, against closed forms on a dense grid of parameters."""
 
+import itertools
+
 import numpy as np
 import pytest
 from black_boxes import black_box_bounds, errors_of, reloaded, rms
@@ -111,17 +113,31 @@ def test_a_jump_of_three_parameters_takes_few_runs(level):
     assert (bounds.lower[0, 0], bounds.upper[0, 0]) == (0, 1)
 
 
-@pytest.mark.parametrize(("of_threads", "counted"), [(2.0, 2.0), (12.0, 8.0), (0.01, 8.0)])
-def test_seconds_of_runs_leave_out_other_programs(monkeypatch, of_threads, counted):
-    """Eight seconds pass: on a loaded machine, by several threads, and in another program."""
-    now = [np.zeros(2)]
-    monkeypatch.setattr(clock, "_now", lambda: now[0])
-    own = clock.Clock(None)
-    with own.of_runs():
-        now[0] = np.array([8.0, of_threads])
-    for beyond, is_late in ((0.9, False), (1.1, True)):
-        now[0] = np.array([8.0, of_threads]) + beyond * (clock.LEAST_SECONDS + clock.SECONDS_OF_RUNS * counted)
-        assert own.is_late == is_late
+def ridge(**x):
+    """A function of four parameters, which takes a Gaussian process several rounds."""
+    return np.sin(3 * sum(x.values()))
+
+
+BOX_OF_FOUR = dict.fromkeys("abcd", (-1.0, 1.0))
+
+
+def test_bounds_do_not_depend_on_the_time_that_passes(monkeypatch):
+    """Each look at the clock is an hour later than the last, as on a machine that is busy."""
+    usual, hours = black_box_bounds(ridge, **BOX_OF_FOUR), itertools.count()
+    monkeypatch.setattr(clock.time, "perf_counter", lambda: 3600.0 * next(hours))
+    late = black_box_bounds(ridge, **BOX_OF_FOUR)
+    assert not any("longer than" in each for each in (*late.doubts, *late.remarks))
+    assert (late.lower[0, 0], late.upper[0, 0]) == (usual.lower[0, 0], usual.upper[0, 0])
+    assert late.estimate[0, 0] == usual.estimate[0, 0]
+
+
+def test_work_ends_a_study(monkeypatch):
+    usual = black_box_bounds(ridge, **BOX_OF_FOUR)
+    for name in ("LEAST_WORK", "WORK_OF_RUN"):
+        monkeypatch.setattr(clock, name, 0.0)
+    with pytest.warns(mb.SymmbWarning, match="longer than about 3 s, and 5 to 20 ms for each run"):
+        early = black_box_bounds(ridge, **BOX_OF_FOUR)
+    assert early.evaluations < usual.evaluations
 
 
 def test_scanning_and_monte_carlo_lie_within():

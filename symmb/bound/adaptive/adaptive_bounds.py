@@ -151,7 +151,9 @@ def _of_accuracy(runs: Runs, tolerance: float, estimate: Array) -> tuple[tuple[s
         short = f"{short} {USED_UP}"
     if not runs.clock.is_cut:
         return (short,), ()
-    cut = Doubt(_CUT.format(tolerance=tolerance))  # the estimated error shows the effect on each output
+    cut = Doubt(
+        _CUT.format(tolerance=tolerance, allowed=runs.clock.allowed)
+    )  # the estimated error shows the effect on each output
     return ((short,), (cut,)) if errors.max() > DOUBTFUL else ((short, cut), ())
 
 
@@ -189,9 +191,8 @@ def _of_rounding(runs: Runs, is_noise: Mask) -> tuple[str, ...]:
 
 
 _CUT = (
-    "The study ended before it reached the tolerance {tolerance:g}, because computations other than runs took more "
-    "than the given seconds, or more than 3 s and three times as long as the runs. Allow more time by "
-    "PolynomialChaos(seconds=...)."
+    "The study ended before it reached the tolerance {tolerance:g}, because computations other than runs would take "
+    "longer than {allowed}. Allow more time by PolynomialChaos(seconds=...)."
 )
 """The warning if a study had no time to refine the bounds, and its error is far above the tolerance."""
 

@@ -111,8 +111,8 @@ class CheckRounds:
         runs = self.runs
         self._safety = SAFETY if runs.may_hide() else FIELD_SAFETY
         self._continuation = Continuation.of(self.grid, self.sizes)
-        self._correct()
-        few = Corrected(self.base, self._continuation, runs.points[:SPARSE_PROBES], runs.checks[:SPARSE_PROBES])
+        self._correct(Corrected.of(self.base, self._continuation, runs.points, runs.checks))
+        few = Corrected.of(self.base, self._continuation, runs.points[:SPARSE_PROBES], runs.checks[:SPARSE_PROBES])
         self._typical = rms(few.expected_error(self._places).ravel())
         share = self._remaining_share(self._places)
         self._observed = self._remaining = self.estimate
@@ -138,7 +138,7 @@ class CheckRounds:
             errors = (Y - predicted) / self._remaining_share(points)[:, None, None]
             errors = errors[n_beside:] if n_beside < len(errors) else errors  # earlier errors are near known runs
             self._observed = (1 + 1 / len(errors)) * inflated_error(np.mean(np.square(errors), axis=0), self._safety)
-            self._correct()
+            self._correct(former.extended(points, Y))
             share = self._remaining_share(self._places)
             self._remaining = share.max(axis=0) * np.maximum(self._observed, REMAINING_SHARE * self.estimate)
             error = min(relative_rms(each.error, runs.rms_widths()) for each in self._errors())
@@ -161,10 +161,10 @@ class CheckRounds:
         self._beside.add_at(at, swings, new, gains)
         self._searched = np.concatenate([self._searched, new])
 
-    def _correct(self) -> None:
-        """Continue the expansion through all check runs, and compute its range."""
-        self._corrected = Corrected(self.base, self._continuation, self.runs.points, self.runs.checks)
-        self._lower, self._upper, self._places = self._corrected.range(SPARSE_RANGE * self.tolerance)
+    def _correct(self, corrected: Corrected) -> None:
+        """Use an expansion that is continued through all check runs, and compute its range."""
+        self._corrected = corrected
+        self._lower, self._upper, self._places = corrected.range(SPARSE_RANGE * self.tolerance)
 
     def _remaining_share(self, places: Array) -> Array:
         """Fraction of the typical error of extremes that remains at places (..., d) after the check runs."""

@@ -1,7 +1,7 @@
 """The most likely further terms of an interpolant on a grid that has check runs, its range and its error."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -99,29 +99,39 @@ class Corrected:
     ----------
     base : expansion on the grid
     continuation : continuation of the base
-    points, checks : (C, d) and (C, n_t, n_y), the check runs
+    free : (C, n_b) further polynomials at the check runs, see `Continuation.free`
+    errors : (C, n_t n_y) errors of the base at the check runs
     """
 
     base: Expansion
     continuation: Continuation
-    points: Array
-    checks: Array
+    free: Array
+    errors: Array
 
-    @cached_property
-    def _free(self) -> Array:
-        return self.continuation.free(self.base.alpha, self.points)
+    @classmethod
+    def of(cls, base: Expansion, continuation: Continuation, points: Array, checks: Array) -> "Corrected":
+        """The expansion that is continued through check runs at points (C, d) with responses (C, n_t, n_y)."""
+        coefficients = base.coefficients.reshape(len(base.alpha), -1)
+        errors = checks.reshape(len(points), coefficients.shape[1]) - basis_values(base.alpha, points) @ coefficients
+        return cls(base, continuation, continuation.free(base.alpha, points), errors)
+
+    def extended(self, points: Array, checks: Array) -> "Corrected":
+        """The expansion that is continued through further check runs (C, d) and (C, n_t, n_y) as well."""
+        more = Corrected.of(self.base, self.continuation, points, checks)
+        free, errors = np.concatenate([self.free, more.free]), np.concatenate([self.errors, more.errors])
+        return replace(self, free=free, errors=errors)
 
     @cached_property
     def _factor(self) -> Array:
         """Lower Cholesky factor of the smaller of the two matrices."""
-        free = self._free if self._has_few else self._free.T
+        free = self.free if self._has_few else self.free.T
         products: Array = free @ free.T + self.continuation.noise * np.eye(len(free))
         return np.linalg.cholesky(products).astype(float)
 
     @property
     def _has_few(self) -> bool:
         """Whether there are fewer check runs than further polynomials."""
-        return self._free.shape[0] <= self._free.shape[1]
+        return self.free.shape[0] <= self.free.shape[1]
 
     def expected_error(self, places: Array) -> Array:
         """Root mean square (...) of the remaining error at places (..., d), rounded to multiples of 0.1."""
@@ -131,7 +141,7 @@ class Corrected:
         for window in windows(len(flat), places.shape[-1]):
             first, which = _equal_rows(flat[window])
             there = self.continuation.free(self.base.alpha, flat[window][first]).T
-            half = self._free @ there if self._has_few else there
+            half = self.free @ there if self._has_few else there
             squares = np.square(solve_triangular(self._factor, half, lower=True)).sum(axis=0)
             if self._has_few:
                 squares = np.maximum(np.square(there).sum(axis=0) - squares, 0.0)
@@ -157,10 +167,8 @@ class Corrected:
 
     def _part(self, window: slice) -> Array:
         base = self.base.coefficients.reshape(len(self.base.alpha), -1)[:, window]
-        checks = self.checks.reshape(len(self.points), self.base.coefficients[0].size)[:, window]
-        errors = checks - basis_values(self.base.alpha, self.points) @ base
-        factor = self._factor, True
-        likely = self._free.T @ cho_solve(factor, errors) if self._has_few else cho_solve(factor, self._free.T @ errors)
+        factor, errors = (self._factor, True), self.errors[:, window]
+        likely = self.free.T @ cho_solve(factor, errors) if self._has_few else cho_solve(factor, self.free.T @ errors)
         further = self.continuation.sizes[:, None] * likely
         return np.concatenate([base - self.continuation.interpolants @ further, further])
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from symmb._types import Array, Indices, Mask
+from symmb._work import count_work
 from symmb.bound.adaptive.check_points import PROBES, SAFETY, corner_design, evenly_spread_points
 from symmb.bound.adaptive.runs import Runs, relative_rms
 from symmb.bound.adaptive.small_study import WAVEFORMS, JointStudy, Problem
@@ -241,6 +242,7 @@ class _Fit:
         """The fit to responses Y (N, n_t) at points (N, d); None if a response does not oscillate."""
         if (cycles := _cycles(t, Y)) is None:
             return None
+        count_work(500.0 * Y.size)
         basis = basis_values(alpha, points)
         inverse = np.linalg.pinv(basis)
         coefficients, leverage = inverse @ cycles, (basis * inverse.T).sum(axis=1)[:, None]
@@ -260,7 +262,9 @@ class _Fit:
         t, d = self.t, self.alpha.shape[1]
         lower, upper, attained = np.full(len(t), np.inf), np.full(len(t), -np.inf), np.zeros((2, len(t)), dtype=bool)
         tops, places = self._largest_forms()
-        for line in _lines(d, places):
+        lines = _lines(d, places)
+        count_work(50.0 * len(lines) * len(lines[0]) * len(t))
+        for line in lines:
             low, high, own = Cycles.of(t, basis_values(self.alpha, line) @ self.coefficients).range()
             attained = np.where([low < lower, high > upper], own, attained)
             lower, upper = np.minimum(lower, low), np.maximum(upper, high)

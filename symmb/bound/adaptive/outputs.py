@@ -103,12 +103,12 @@ class OutputProblem:
     def continued(self) -> Piecewise:
         """The expansion continued through all check runs."""
         runs, continuation = self.runs, Continuation.of(self.grid, self.sizes)
-        without = Corrected(self.expansion, continuation, runs.points[SPARSE_PROBES:], runs.checks[SPARSE_PROBES:])
+        without = Corrected.of(self.expansion, continuation, runs.points[SPARSE_PROBES:], runs.checks[SPARSE_PROBES:])
         errors = np.abs(without.values(runs.points[:SPARSE_PROBES]) - runs.checks[:SPARSE_PROBES]).max(axis=0)
-        expansion = Corrected(self.expansion, continuation, runs.points, runs.checks).expansion()
+        expansion = Corrected.of(self.expansion, continuation, runs.points, runs.checks).expansion()
         for half in (0, 1):  # most check runs are at corners, where polynomials have the largest errors
             kept = np.arange(len(runs.points)) % 2 == half
-            part = Corrected(self.expansion, continuation, runs.points[kept], runs.checks[kept])
+            part = Corrected.of(self.expansion, continuation, runs.points[kept], runs.checks[kept])
             left_out = np.abs(part.values(runs.points[~kept]) - runs.checks[~kept])
             errors = np.maximum(errors, left_out.max(axis=0, initial=0.0))
         lowest, highest = runs.extremes
@@ -118,7 +118,9 @@ class OutputProblem:
         """The largest deviation of runs at points (C, d) from the expansion continued through the other check runs."""
         runs, is_new = self.runs, is_among(self.runs.points, points)
         others = runs.points[~is_new], runs.checks[~is_new]
-        values = Corrected(self.expansion, Continuation.of(self.grid, self.sizes), *others).values(runs.points[is_new])
+        values = Corrected.of(self.expansion, Continuation.of(self.grid, self.sizes), *others).values(
+            runs.points[is_new]
+        )
         errors = np.maximum(np.abs(values - runs.checks[is_new]) - runs.noise, 0.0)
         return max((relative_rms(each, runs.rms_widths()) for each in errors), default=0.0)
 

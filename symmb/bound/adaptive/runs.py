@@ -286,7 +286,7 @@ class Runs:
         places = np.zeros((len(points), len(self.whole)))
         places[:, self._varied] = points
         P = parameter_samples(self.simulator, self.whole, places)
-        with self.clock.of_runs():
+        with self.clock.of_runs(len(points), self.has_lanes):
             progress, before = self.progress, len(self)
             counted = progress and (lambda done, n: progress(before + done, before + n))
             ensemble = run_blocks(self.simulator, P, self.executor, counted)

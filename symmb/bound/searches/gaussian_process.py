@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from symmb._types import Array
+from symmb._work import count_work
 from symmb.bound.searches.covariances import DEVIATION, MEAN_RATE, Ridge, Smooth, Sum, Term
 
 EXPECTED_NOISE, _LEAST_NOISE = 1e-6, 1e-10
@@ -54,6 +55,11 @@ class Kernel:
     def is_sum(self) -> bool:
         """Whether a term is a sum of functions of one parameter."""
         return any(isinstance(term, Sum) for term in self.terms)
+
+    @property
+    def n_functions(self) -> int:
+        """Number of functions of distances that a covariance takes."""
+        return sum(len(term.rates) if isinstance(term, Sum) else 1 for term in self.terms)
 
     @property
     def vector(self) -> Array:
@@ -125,7 +131,8 @@ class GaussianProcess:
 
         A weak prior determines variables that have no effect on the likelihood.
         """
-        kernel, m = self.kernel, self.Y.shape[1]
+        kernel, (n, m) = self.kernel, self.Y.shape
+        count_work(3e5 + 16 * kernel.n_functions * n**2 + 0.15 * n**3)
         mean, deviation = kernel.prior
         root, weights = self._inverse_root, self._weights
         value = 0.5 * float((self.Y * weights).sum()) - m * float(np.log(np.diag(root)).sum())
@@ -198,5 +205,6 @@ class GaussianProcess:
 
         limits = [(-1.0, 1.0)] * starts.shape[1]
         results = [minimize(objective, x, jac=True, method="L-BFGS-B", bounds=limits) for x in starts]
+        count_work(sum(result.nfev for result in results) * (2e5 + 2e4 * kernel.n_functions + len(weights) ** 2))
         best = min(results, key=lambda result: result.fun)
         return np.asarray(best.x), float(best.fun)

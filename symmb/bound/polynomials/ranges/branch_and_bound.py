@@ -7,6 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from symmb._types import Array, Indices
+from symmb._work import count_work
 from symmb.bound.polynomials.chebyshev import LowerSet, halving
 from symmb.bound.polynomials.legendre import MultiIndices
 from symmb.run.codegen import c_fields, c_number, c_source, load, on_threads
@@ -73,6 +74,7 @@ def compiled_ranges(
         search = _Search(ctypes.addressof(b), tolerance, budget, depth, proves, *addresses)
         library.ranges(ctypes.byref(search), ctypes.c_long(m), of, to, ctypes.c_long(n_given), *rest)
 
+    count_work(1.5e3 * legendre.size)
     on_threads(work, m, 2.5e-5 * legendre.size)  # [s] with many parameters and a budget of thousands of boxes
     return *ranges, *points, *gaps
 
