@@ -239,6 +239,14 @@ def test_runs_that_fail_by_their_outputs_alone_are_told():
     assert bounds["f"] == pytest.approx((0.5, 1.5)) and bounds.nominal[0, 0] == np.inf
 
 
+def test_bounds_beside_a_nominal_run_without_an_output_have_a_warning():
+    p = mb.Parameters(a=1.0)
+    scene = mb.Scene(mb.System(parameters=p), times=(0.0, 2.0), outputs={"f": mb.maximum(mb.t / (p.a - 1))})
+    with pytest.warns(mb.SymmbWarning, match="The nominal run fails at t = 0 s, a = 1: an output is not finite"):
+        bounds = mb.propagate(scene, mb.Vertex(), mb.Box(a=(1.2, 1.5)))
+    assert bounds["f"] == pytest.approx((4.0, 10.0))
+
+
 def test_an_unknown_text_in_a_condition_is_told_once():
     with told_in_a_line(r"^first_time: expected an expression over time, got 'ball.x > 0'\.$"):
         machines.ball().scene(lambda m: {"a": mb.first_time("ball.x > 0")})

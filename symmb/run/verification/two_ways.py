@@ -104,7 +104,8 @@ class TwoWays:
     @cached_property
     def error(self) -> Array:
         """Differences (m, n_y) of both ways; 0 after a failure."""
-        return np.nan_to_num(np.abs(self.values - self.others), nan=0.0, posinf=0.0)
+        with np.errstate(invalid="ignore"):  # equal infinities
+            return np.nan_to_num(np.abs(self.values - self.others), nan=0.0, posinf=0.0)
 
     @cached_property
     def _range(self) -> Array:
