@@ -135,7 +135,7 @@ def test_work_ends_a_study(monkeypatch):
     usual = black_box_bounds(ridge, **BOX_OF_FOUR)
     for name in ("LEAST_WORK", "WORK_OF_RUN"):
         monkeypatch.setattr(clock, name, 0.0)
-    with pytest.warns(mb.SymmbWarning, match="longer than about 3 s, and 5 to 20 ms for each run"):
+    with pytest.warns(mb.SymmbWarning, match="longer than about 3 s, and 8 to 20 ms for each run"):
         early = black_box_bounds(ridge, **BOX_OF_FOUR)
     assert early.evaluations < usual.evaluations
 

@@ -24,6 +24,9 @@ Larger numbers miss fewer extremes and take more runs."""
 FITTED_VALUES = 4, 12
 """Number of best runs per coefficient for a fit of parabolas. With too few runs, the fit only describes the best runs.
 With too many runs, it describes runs far from the extreme."""
+IDLE_ROUNDS, IDLE_RATIO = 10, 0.9
+"""Number of rounds of cheap runs in which the least error must fall to this ratio. With 10 rounds, 24 everyday machines
+have the same bounds as without an end. Unresolved elements of a small part of the box never end otherwise."""
 BESIDE_STEP = 0.3
 """Change of one parameter of a run at an extreme, in the search for larger extremes. Smaller steps take more rounds.
 Larger steps leave a narrow ridge. (calibrated by tests/benchmarks/everyday_machines.py)"""
@@ -65,6 +68,19 @@ class Foreseen:
 
 
 @dataclass
+class Gain:
+    """The least error of rounds, and the number of rounds since it fell."""
+
+    least: float = np.inf
+    idle: int = 0
+
+    def is_idle(self, error: float) -> bool:
+        """Whether the error of one more round has not fallen for many rounds."""
+        self.least, self.idle = (error, 0) if error < IDLE_RATIO * self.least else (self.least, self.idle + 1)
+        return self.idle >= IDLE_ROUNDS
+
+
+@dataclass
 class CheckRounds:
     """Two ranges of an output with their errors, from rounds of check runs. The range with the smaller error is used.
 
@@ -94,6 +110,7 @@ class CheckRounds:
     estimate : (n_t, 1) estimated error of the interpolant
     tolerance : largest accepted ratio of the error to the width
     has_corners : whether corners have been run
+    gain : how the errors of all rounds of the output have decreased
     """
 
     runs: OutputRuns
@@ -103,6 +120,7 @@ class CheckRounds:
     estimate: Array
     tolerance: float
     has_corners: bool
+    gain: "Gain"
     _foreseen: Foreseen = field(default_factory=Foreseen)
     _beside: Foreseen = field(default_factory=Foreseen)
 
@@ -144,7 +162,8 @@ class CheckRounds:
             error = min(relative_rms(each.error, runs.rms_widths()) for each in self._errors())
             n_worse = n_worse + 1 if error >= before else 0
             is_cheap = runs.has_lanes and error > DOUBTFUL  # cheap runs may still decide uncertain outputs
-            is_done = error <= self.tolerance or (n_worse > self.has_corners and not is_cheap)
+            is_idle = self.gain.is_idle(error)
+            is_done = error <= self.tolerance or (is_idle if is_cheap else n_worse > self.has_corners)
             n_rounds += 1
             if (is_done and n_rounds >= LEAST_ROUNDS) or runs.clock.is_late:
                 break

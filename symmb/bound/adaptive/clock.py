@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from symmb._threads import threads_as_before
 from symmb._work import work_done
 
-LEAST_WORK, WORK_OF_RUN, WORK_IN_LANES = 3e9, 2e7, 5e6
+LEAST_WORK, WORK_OF_RUN, WORK_IN_LANES = 3e9, 2e7, 8e6
 """Work that a study may do, and further work for each of its runs, also for those side by side in lanes [ns]. Three
 seconds are short for users. With 2e6 in lanes, one of 24 everyday machines ends with warnings. With 2e7, elements that
 act in a small part of the box take five times as long, with the same warnings (tests/benchmarks/unseen_elements.py)."""
@@ -34,7 +34,7 @@ class Clock:
     @property
     def allowed(self) -> str:
         """The allowed time, in words."""
-        return "about 3 s, and 5 to 20 ms for each run" if self.seconds is None else f"the given {self.seconds:g} s"
+        return "about 3 s, and 8 to 20 ms for each run" if self.seconds is None else f"the given {self.seconds:g} s"
 
     @property
     def is_late(self) -> bool:

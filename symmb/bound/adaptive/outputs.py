@@ -7,7 +7,7 @@ import numpy as np
 
 from symmb._types import Array, Mask
 from symmb.bound.adaptive.check_points import FEW_TIMES, SAFETY, inflated_error, screening_points, select_dispersed
-from symmb.bound.adaptive.check_rounds import CheckRounds, is_among, separable_extremes, spread_over_times
+from symmb.bound.adaptive.check_rounds import CheckRounds, Gain, is_among, separable_extremes, spread_over_times
 from symmb.bound.adaptive.continuation import SPARSE_PROBES, SPARSE_RANGE, Continuation, Corrected, extrapolated_sizes
 from symmb.bound.adaptive.error_estimate import TruncationError
 from symmb.bound.adaptive.runs import OutputRuns, Runs, relative_rms
@@ -43,6 +43,7 @@ class OutputProblem:
     grid, expansion : the sparse grid and its interpolant
     sizes : expected sizes of the next coefficients of the grid
     estimate, error : (n_t, 1) estimated error of the interpolant, and its root mean square over the width
+    shown : error that the last check runs have shown, over the width, if it is uncertain; 0 otherwise
     errors : errors of smaller grids, by their number of nodes
     is_brief : whether the output has few times
     has_corners : whether corners have been run
@@ -55,7 +56,8 @@ class OutputProblem:
         self.runs, self.tolerance, self.is_patient, self.grid = runs, tolerance, is_patient, Grid(len(runs.box))
         self.errors, self.next, self.probes = dict[int, float](), set[Index](), np.empty((0, len(runs.box)))
         self.is_brief, self.has_corners, self.is_stalled = runs.shape[0] <= FEW_TIMES, False, False
-        self._is_screened = False
+        self._is_screened, self._gain, self.shown = False, Gain(), 0.0
+        self._checked: tuple[int, Evidence | None] = 0, None
         self.found: EstimatedRange | None = None
 
     def corners_of(self, found: EstimatedRange) -> Array:
@@ -96,7 +98,11 @@ class OutputProblem:
     def corrected(self, has_corners: bool) -> Steps:
         """The range after check runs at the extremes of the interpolant."""
         study = self.runs, self.expansion, self.grid, self.sizes, self.estimate, self.tolerance
-        found = yield from CheckRounds(*study, has_corners).steps()
+        found = yield from CheckRounds(*study, has_corners, self._gain).steps()
+        number, former = self._checked
+        if number == len(self.runs) and former is not None:  # without further runs, errors stay as large as they were
+            found = found._replace(evidence=found.evidence.at_least("check runs", former.error))
+        self._checked = len(self.runs), found.evidence
         of_range = SPARSE_RANGE * self.tolerance * (found.upper - found.lower)
         return found._replace(evidence=found.evidence.plus("range", of_range))
 

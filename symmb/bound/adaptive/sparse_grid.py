@@ -11,6 +11,7 @@ from symmb.bound.adaptive.outputs import EARLY_CHECK, OutputProblem
 from symmb.bound.adaptive.runs import NOISE_RUNS, relative_rms
 from symmb.bound.adaptive.small_study import Attempt, Checks, Noise, OutputStudy, Request
 from symmb.bound.nodes import along_axes, corners
+from symmb.bound.responses import DOUBTFUL
 
 
 @dataclass(frozen=True)
@@ -62,6 +63,7 @@ class SparseGrid(OutputStudy):
             if problem.error <= EARLY_CHECK * tolerance or is_last:
                 found = yield from problem.corrected(problem.has_corners)
                 error = relative_rms(found.estimate, runs.rms_widths())
+                problem.shown = error if error > DOUBTFUL else 0.0
                 runs.tell(found.surrogate, found.evidence.decisive(), error)
                 if error <= tolerance:
                     return found._replace(is_enough=True)
@@ -87,7 +89,7 @@ class SparseGrid(OutputStudy):
         elif not runs.noise_is_known and NOISE_RUNS < problem.left:
             yield Noise()
         else:
-            problem.errors[len(problem.grid.row)] = problem.error
+            problem.errors[len(problem.grid.row)] = max(problem.error, problem.shown)
             yield from problem.grown(problem.next)
 
     def _is_stalled(self, problem: OutputProblem) -> bool:
@@ -95,16 +97,16 @@ class SparseGrid(OutputStudy):
 
         If the error is larger than the width, the response is not resolved yet, and more nodes are needed to decide.
         """
-        nodes, d = len(problem.grid.row), len(problem.runs.box)
+        nodes, d, error = len(problem.grid.row), len(problem.runs.box), max(problem.error, problem.shown)
         few = self.few_nodes if problem.is_brief else 2 * self.few_nodes
-        if nodes < (few if problem.error < 1 else PATIENCE) * d or problem.error <= problem.tolerance:
+        if nodes < (few if error < 1 else PATIENCE) * d or error <= problem.tolerance:
             return False
-        before = min((error for n, error in problem.errors.items() if 2 * n <= nodes), default=np.inf)
+        before = min((former for n, former in problem.errors.items() if 2 * n <= nodes), default=np.inf)
         if not before:  # an output that was constant until now
             return True
-        factor = problem.error / before
+        factor = error / before
         most = problem.runs.left + nodes if problem.is_patient else 2 * PATIENCE * d
-        return factor >= 1 or np.log(problem.tolerance / problem.error) / np.log(factor) > np.log2(most / nodes)
+        return factor >= 1 or np.log(problem.tolerance / error) / np.log(factor) > np.log2(most / nodes)
 
 
 @dataclass(frozen=True)
