@@ -10,11 +10,14 @@ from faults import refused
 from machines import pendulum, spring_mass
 
 import symmb as mb
+from symmb.bound.adaptive import outputs
+from symmb.bound.adaptive.check_rounds import IDLE_ROUNDS
 from symmb.bound.adaptive.clock import Clock
 from symmb.bound.adaptive.first_grid import FirstGrid
 from symmb.bound.adaptive.runs import Runs
 from symmb.bound.adaptive.small_study import Problem
 from symmb.bound.adaptive.studies import ROW, STUDIES, decided
+from symmb.bound.adaptive.surrogate import EstimatedRange, Evidence
 from symmb.run.simulation import Subject
 
 T = np.linspace(0.0, 2.0, 61)
@@ -201,3 +204,35 @@ def test_a_stop_that_few_corners_reach_is_seen(gap):
     bounds, vertex = mb.propagate(scene), mb.propagate(scene, mb.Vertex())
     assert bounds["blow"] == pytest.approx(vertex["blow"], rel=1e-3) and vertex["blow"][1] > 10
     assert bounds.check({"blow": (None, 5.0)}).kept is False
+
+
+def test_an_error_stays_until_further_runs(monkeypatch):
+    """A round of check runs that makes no run finds no error, but refutes none either."""
+    errors = iter([0.4, 0.0, 0.1])
+
+    class Rounds:
+        def __init__(self, *of_study):
+            pass
+
+        def steps(self):
+            yield from ()
+            low, high, error = np.zeros((1, 1)), np.ones((1, 1)), np.full((1, 1), next(errors))
+            return EstimatedRange(low, high, Evidence.of("gains", error), None, "a grid")
+
+    monkeypatch.setattr(outputs, "CheckRounds", Rounds)
+    problem = object.__new__(outputs.OutputProblem)
+    known = {"expansion": None, "grid": None, "sizes": {}, "estimate": None, "tolerance": 0.0}
+    vars(problem).update(known, runs=[1], _gain=outputs.Gain(), _checked=(0, None))
+    told = []
+    for runs in ([1], [1], [1, 2]):
+        problem.runs = runs
+        with pytest.raises(StopIteration) as end:
+            next(problem.corrected(False))
+        told.append(end.value.value.estimate[0, 0])
+    assert told == [0.4, 0.4, 0.1]
+
+
+def test_rounds_are_idle_if_their_least_error_stays():
+    gain = outputs.Gain()
+    assert not any(gain.is_idle(0.8**k) for k in range(40))
+    assert [gain.is_idle(1.0) for _ in range(IDLE_ROUNDS)] == [False] * (IDLE_ROUNDS - 1) + [True]
