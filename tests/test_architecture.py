@@ -18,7 +18,7 @@ from symmb._presentation import UPWARD
 ROOT = Path(symmb.__file__).parent
 WINGS = {
     "": "_errors _types _names _options _specs _table _doubt _html _labelled _progress _cleanup _interrupts _limits"
-    " _threads _citation _units _presentation _magnitudes",
+    " _threads _work _citation _units _presentation _magnitudes",
     "results": "files plot",
     "declare": "symbolic structures mechanics",
     "equations": "model start",
