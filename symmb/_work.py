@@ -1,4 +1,4 @@
-"""Computing work, counted from the sizes of arrays: the same on every machine, however busy it is, unlike a time."""
+"""Computing work, estimated from the sizes of arrays. Unlike a time, it does not depend on the load of the machine."""
 
 import threading
 

@@ -151,9 +151,8 @@ def _of_accuracy(runs: Runs, tolerance: float, estimate: Array) -> tuple[tuple[s
         short = f"{short} {USED_UP}"
     if not runs.clock.is_cut:
         return (short,), ()
-    cut = Doubt(
-        _CUT.format(tolerance=tolerance, allowed=runs.clock.allowed)
-    )  # the estimated error shows the effect on each output
+    # The estimated error shows the effect on each output.
+    cut = Doubt(_CUT.format(tolerance=tolerance, allowed=runs.clock.allowed))
     return ((short,), (cut,)) if errors.max() > DOUBTFUL else ((short, cut), ())
 
 

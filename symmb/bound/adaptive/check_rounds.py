@@ -69,13 +69,19 @@ class Foreseen:
 
 @dataclass
 class Gain:
-    """The least error of rounds, and the number of rounds since it fell."""
+    """How the errors of rounds decrease.
+
+    Attributes
+    ----------
+    least : least error so far, over the width
+    idle : number of rounds since it fell
+    """
 
     least: float = np.inf
     idle: int = 0
 
     def is_idle(self, error: float) -> bool:
-        """Whether the error of one more round has not fallen for many rounds."""
+        """Add the error of a round. Return whether the least error has not fallen for many rounds."""
         self.least, self.idle = (error, 0) if error < IDLE_RATIO * self.least else (self.least, self.idle + 1)
         return self.idle >= IDLE_ROUNDS
 
@@ -120,7 +126,7 @@ class CheckRounds:
     estimate: Array
     tolerance: float
     has_corners: bool
-    gain: "Gain"
+    gain: Gain
     _foreseen: Foreseen = field(default_factory=Foreseen)
     _beside: Foreseen = field(default_factory=Foreseen)
 

@@ -75,8 +75,8 @@ class PolynomialChaos(Method):
     range : Exact(...), Bernstein(...), ChebyshevInclusion(), or LegendreInclusion() as in the paper
     tolerance : without order: estimated error at which the study stops, divided by the width of the response
     budget : without order: largest number of runs, for each combination of choices
-    seconds : without order: longest time in addition to the runs [s]; None: about 3 s, and 8
-        to 20 ms for each run. This limit counts computing work, so that bounds are the same on all machines
+    seconds : without order: longest time in addition to the runs [s]; None: about 3 s, and 8 to 20 ms for
+        each run. This limit counts computing work, so that bounds do not depend on the load of the machine
     probes : without order: number of further runs, evenly spread over the box, with which the surrogate must agree.
         These runs find effects in small parts of the box
     lockstep : advance all nodes together from one output time to the next, and compute the expansion there (Fig. 4).

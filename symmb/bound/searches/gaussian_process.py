@@ -132,6 +132,7 @@ class GaussianProcess:
         A weak prior determines variables that have no effect on the likelihood.
         """
         kernel, (n, m) = self.kernel, self.Y.shape
+        # Time of an evaluation, fitted to 45,000 evaluations for the functions of tests/benchmarks/known_ranges.py.
         count_work(3e5 + 16 * kernel.n_functions * n**2 + 0.15 * n**3)
         mean, deviation = kernel.prior
         root, weights = self._inverse_root, self._weights
