@@ -9,8 +9,8 @@ from symmb._work import work_done
 
 LEAST_WORK, WORK_OF_RUN, WORK_IN_LANES = 3e9, 2e7, 8e6
 """Work that a study may do, and further work for each of its runs, also for those side by side in lanes [ns]. Three
-seconds are short for users. With 2e6 in lanes, one of 24 everyday machines ends with warnings. With 2e7, elements that
-act in a small part of the box take five times as long, with the same warnings (tests/benchmarks/unseen_elements.py)."""
+seconds are short for users. With 6e6 in lanes, one of 24 everyday machines ends with a warning. With 1e6, elements that
+act in a small part of the box take half the time, with the same warnings (tests/benchmarks/unseen_elements.py)."""
 
 
 class Clock:

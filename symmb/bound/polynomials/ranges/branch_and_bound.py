@@ -74,7 +74,7 @@ def compiled_ranges(
         search = _Search(ctypes.addressof(b), tolerance, budget, depth, proves, *addresses)
         library.ranges(ctypes.byref(search), ctypes.c_long(m), of, to, ctypes.c_long(n_given), *rest)
 
-    # Time for 3 to 10 parameters, within a factor of four (tests/benchmarks/everyday_machines.py, oscillations.py).
+    # Time for seven to nine parameters, within a factor of three (tests/benchmarks/everyday_machines.py).
     count_work(150.0 * b.d * legendre.size)
     on_threads(work, m, 2.5e-5 * legendre.size)  # [s] with many parameters and a budget of thousands of boxes
     return *ranges, *points, *gaps
