@@ -49,6 +49,15 @@ def test_outputs_are_doubtful_from_where_the_error_outgrows_the_width():
     assert mb.Bounds(t, ("x",), width[:, :1], width[:, :1], "sampled", "test", 1).doubtful() == {}
 
 
+def test_times_of_a_large_error_are_in_order():
+    """A window that is doubtful because of an error just after it."""
+    i = np.arange(201)
+    estimate, width = np.where(i < 56, 0.0, 0.03)[:, None], np.where(i < 58, 0.0, 1.0)[:, None]
+    bounds = mb.Bounds(i / 100, ("x",), -width / 2, width / 2, "estimate", "test", 1, estimate)
+    assert bounds.doubtful_windows() == (("x", 0.54, 0.55),)
+    assert bounds._doubtful_part("x", 0.0, bounds.doubtful_windows()) == " at 0.56 s"
+
+
 def test_outer_is_wider_by_the_estimate():
     bounds = mb.propagate(Wave(), mb.PolynomialChaos(), BOX)
     np.testing.assert_array_equal(bounds.outer, [bounds.lower - bounds.estimate, bounds.upper + bounds.estimate])

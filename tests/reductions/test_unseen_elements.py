@@ -120,6 +120,46 @@ def test_scalar_outputs_beyond_a_quadratic_ridge(d, share):
     assert bounds.worst("peak").upper.attained > 0.98 * highest
 
 
+CONDITIONS = {
+    "a window of one parameter": lambda p: ca.fabs(p.u - 0.3) < 0.002,
+    "a box of two parameters": lambda p: ca.logic_and(ca.fabs(p.u - 0.3) < 0.05, ca.fabs(p.v + 0.6) < 0.02),
+    "a layer of three parameters": lambda p: ca.fabs(p.u + p.v - p.w - 0.3) < 0.003,
+    "a corner": lambda p: p.u + p.v + p.w > 2.8,
+}
+
+
+def pushed(where, condition):
+    """A ball under a force that is 5 N larger where a condition of parameters holds."""
+    p = mb.Parameters(u=0.0, v=0.0, w=0.0, force=10.0, mass=2.0)
+    ball, more = mb.Body("ball", p.mass, pose=mb.Particle()), ca.if_else(condition(p), 5.0, 0.0)
+    push = p.force + p.u + p.v + p.w
+    force = mb.Force("force", ball.point(0, 0), (push + more if where == "law" else push, 0))
+    outputs = {"x": ball.x if where == "law" else ball.x + more * mb.t**2 / 2 / p.mass}
+    box = mb.Box(u=(-1, 1), v=(-1, 1), w=(-1, 1), force=(9.5, 10.5), mass=(1.9, 2.1))
+    return mb.Scene(mb.System(ball, force, parameters=p), {}, np.linspace(0, 1, 11), outputs, box)
+
+
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+@pytest.mark.parametrize("where", ["law", "output"])
+@pytest.mark.parametrize("kind", CONDITIONS)
+def test_conditions_of_parameters_that_hold_in_a_small_part(kind, where):
+    bounds = mb.propagate(pushed(where, CONDITIONS[kind]))
+    largest = {"a layer of three parameters": 10.5 + 2.303 + 5, "a window of one parameter": 10.5 + 2.302 + 5}
+    largest |= {"a box of two parameters": 10.5 + 1 + 0.35 - 0.58 + 5, "a corner": 10.5 + 3 + 5}
+    true = largest[kind] / 1.9 / 2
+    assert bounds.outer[1][-1, 0] >= 0.98 * true
+    if kind != "a layer of three parameters":  # it is oblique, and no part of the box holds only the layer
+        assert_allclose(bounds.upper[-1, 0], true, rtol=5e-3)
+        assert not bounds.doubts
+    assert bounds.lower[-1, 0] == pytest.approx(6.5 / 2.1 / 2, rel=5e-3)
+
+
+def test_conditions_that_hold_nowhere_take_no_run():
+    bounds = mb.propagate(pushed("law", lambda p: p.u + p.v > 2.001))
+    without = mb.propagate(pushed("law", lambda p: p.u > 2.0))
+    assert bounds.evaluations == without.evaluations and not bounds.doubts
+
+
 @pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
 @pytest.mark.parametrize(("kind", "k"), [("stop", 4), ("law", 1)])
 def test_machines_of_the_benchmark_miss_nothing_in_silence(kind, k):

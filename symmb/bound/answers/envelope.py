@@ -155,12 +155,19 @@ class Envelope(WithWarnings):
         start, end = self.t[[0, -1]]
         first = float(self.t[(self.estimate[:, self._column(name)] > 0).argmax()])  # known start values have no error
         own = [ends for output, *ends in windows if output == name] or [[since, end]]
-        spans = [(max(begin, first), last) for begin, last in own]
+        spans = [(max(begin, first), max(last, first)) for begin, last in own]  # windows average over errors after them
         if spans[0] == (start, end):
             return " at all times"
         if len(spans) > most:
             return f" at many times from {spans[0][0]:g} s"
-        texts = [f"from {begin:g} s" if last == end else f"from {begin:g} to {last:g} s" for begin, last in spans]
+        texts = [
+            f"from {begin:g} s"
+            if last == end
+            else f"from {begin:g} to {last:g} s"
+            if last > begin
+            else f"at {last:g} s"
+            for begin, last in spans
+        ]
         return " " + " and ".join(texts)
 
     @property

@@ -7,6 +7,7 @@ somewhere, local searches make runs there.
 
 from dataclasses import replace
 
+import casadi as ca
 import numpy as np
 
 from symmb._errors import PropagationError
@@ -23,6 +24,7 @@ from symmb.bound.reductions.hull import distance, hull_of
 from symmb.bound.responses import FINE, RunsOverBox, parameter_columns, parameter_samples
 from symmb.bound.searches import direct_search
 from symmb.connect import Simulator, note_attained, run_blocks
+from symmb.declare.symbolic import batch
 from symmb.equations.model import Box
 from symmb.run.simulation import FigureSimulator, SceneSimulator
 
@@ -39,6 +41,8 @@ _LEAST_RUNS, _FINDING = 60, 0.6
 of the study. Share of these runs after which a search ends if it has not found a run that reaches the switch."""
 _RAYS = 0.5 ** np.arange(-1.0, 5.0)
 """Distances from the deepest place, along each axis, of runs that show where an element acts."""
+_LOOKS = 4096
+"""Number of places at which a condition of parameters is evaluated, which takes no runs, and of steps of its search."""
 _SPREAD, _WIDER = 64, 2.0
 """Number of runs that are spread over a part, which is wider than that of earlier runs by a factor. They show where an
 element acts far from the axes through the deepest place."""
@@ -59,7 +63,7 @@ def bounds_with_unseen(method: Method, runs: RunsOverBox) -> Bounds:
     if not isinstance(simulator, SceneSimulator) or not found.attaining.reach:
         return found
     own = runs.of(simulator.continued() if isinstance(simulator, FigureSimulator) else simulator)
-    search = _Search(own, found)
+    search = _Search(own, found, simulator.parameter_switches)
     most = max(found.evaluations, _LEAST_RUNS * len(runs.box))
     if method.budget is not None:
         most = min(most, method.budget - found.evaluations)
@@ -135,12 +139,13 @@ class _Search:
     reaches the other side.
     """
 
-    def __init__(self, runs: RunsOverBox, found: Bounds) -> None:
+    def __init__(self, runs: RunsOverBox, found: Bounds, conditions: ca.Function | None) -> None:
         self._runs, self._varied = runs, runs.box.radius > 0
         assert found.attaining is not None
         P, reach = (np.concatenate(each) for each in zip(*found.attaining.reach, strict=True))
         ok = np.isfinite(reach).all(axis=(1, 2))
         self._X = runs.box.to_unit(P[:, parameter_columns(runs.simulator, runs.box)])[ok][:, self._varied]
+        self._conditions, self._n_conditions = conditions, 0 if conditions is None else conditions.numel_out()
         self._sides = np.where((reach[ok][:, 0] > 0).mean(axis=0) > 0.5, 1.0, -1.0)
         self._distances = self._from(reach[ok])
         self._reached: list[Array] = []
@@ -159,6 +164,10 @@ class _Search:
             left = most - self._runs.evaluations
             if left <= 0:
                 break
+            if k < self._n_conditions:
+                starts = self._met_without_runs(k, starts)
+                if not len(starts):
+                    continue
 
             def nearness(X: Array, k: int = k) -> Array:
                 return self._nearness(k, X, most)
@@ -184,6 +193,25 @@ class _Search:
     def _runs_around(self) -> int:
         return 2 * len(_RAYS) * int(self._varied.sum()) + _SPREAD
 
+    def _met_without_runs(self, k: int, starts: Array) -> Array:
+        """Places (n, d) beyond switch k, which depends on parameters only: the best one, and some others."""
+        conditions = self._conditions
+        assert conditions is not None
+
+        def nearness(X: Array) -> Array:
+            return -self._sides[k] * batch(conditions, self._samples(X))[0][:, k]
+
+        spread = np.vstack([starts, Sobol().points(_LOOKS, starts.shape[1], seed=0)])
+        values = nearness(spread)
+        found = direct_search(nearness, spread[np.argsort(-values, kind="stable")[:_STARTS]], _LOOKS)
+        return np.vstack([found.place, spread[values >= 0][:_SPREAD]])[: _SPREAD * (found.value >= 0)]
+
+    def _samples(self, X: Array) -> Array:
+        """The samples (N, n_p) of points X (N, d) of the parameters that vary."""
+        points = np.zeros((len(X), len(self._varied)))
+        points[:, self._varied] = X
+        return parameter_samples(self._runs.simulator, self._runs.box, points)
+
     def _nearness(self, k: int, X: Array, most: int) -> Array:
         """The negative distance (N,) from switch k of runs at points X (N, d); -inf for failed runs, and without runs
         left."""
@@ -191,9 +219,7 @@ class _Search:
         X = X[: most - runs.evaluations]
         if not len(X):
             return result
-        points = np.zeros((len(X), len(self._varied)))
-        points[:, self._varied] = X
-        P = parameter_samples(runs.simulator, runs.box, points)
+        P = self._samples(X)
         ensemble = run_blocks(runs.simulator, P, runs.executor)
         runs.count(len(P))
         low, high = ensemble.extremes()
@@ -238,7 +264,7 @@ class _Search:
             off = np.abs(V @ c - y[:, own]).max(axis=0)
             lowest, _, places, _ = attained_extremes(alpha, c)
             near = np.minimum(lowest, y[:, own].min(axis=0)) <= _SLACK * off
-            near |= N < _KNOWN * len(alpha)
+            near |= (N < _KNOWN * len(alpha)) | (own < self._n_conditions)
             own, places = own[near], places[near]
         order = np.argsort(y[:, own].min(axis=0, initial=np.inf) / np.ptp(y[:, own], axis=0)) if own.size else own
         return [(int(own[j]), places[j]) for j in order]

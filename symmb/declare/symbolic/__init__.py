@@ -53,6 +53,7 @@ from symmb.declare.symbolic.switching import (
     branches,
     has_kinks,
     laws,
+    margins,
     switching,
     with_common_expressions,
 )

@@ -131,6 +131,47 @@ def switching(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Switching:
     return Switching(tuple(sorted(kinks)), ca.vertcat(ca.SX(0, 1), *switches.values()), tuple(located.values()))
 
 
+def margins(f: ca.Function, symbols: ca.SX) -> ca.SX:
+    """Expressions (m,) that change sign where an operation of a Function of some symbols has a kink or a jump.
+
+    Comparisons that `logic_and`, `logic_or` and `logic_not` combine have one margin.
+
+    Examples
+    --------
+    >>> x = ca.SX.sym("x")
+    >>> margins(ca.Function("f", [x], [ca.if_else(ca.logic_and(x < 2, 1 < x), 5, 0)]), x)
+    SX(fmax((x-2),(1-x)))
+    """
+    found: dict[int, ca.SX] = {}
+
+    def operation(code: Any, of: tuple[_Logic, ...]) -> _Logic:
+        arguments, own = [a.sx for a in of], [a.margin for a in of if a.margin is not None]
+        value, is_kink = applied(code, *arguments), not any(_is_guard(a) or is_soft(a) for a in arguments)
+        if code in (ca.OP_LT, ca.OP_LE) and is_kink:
+            return _Logic(value, arguments[0] - arguments[1])
+        if code in _OF_MARGINS and len(own) == len(of):
+            return _Logic(value, _OF_MARGINS[code](*own))
+        own += [_KINKS[code][1](*arguments)] if code in _KINKS and is_kink else []
+        found.update({margin.element_hash(): margin for margin in own})
+        return _Logic(value)
+
+    parts = interpret(f, [[_Logic(e) for e in ca.vertsplit(symbols)]], operation, lambda number: _Logic(ca.SX(number)))
+    found.update({a.margin.element_hash(): a.margin for part in parts for a in part if a.margin is not None})
+    return ca.vertcat(ca.SX(0, 1), *found.values())
+
+
+@dataclass(frozen=True, eq=False)
+class _Logic:
+    """A value and, if it is true or false, an expression that is negative where it is true."""
+
+    sx: ca.SX
+    margin: ca.SX | None = None
+
+
+_OF_MARGINS: dict[Any, Callable[..., ca.SX]] = {ca.OP_AND: ca.fmax, ca.OP_OR: ca.fmin, ca.OP_NOT: lambda a: -a}
+"""The margin of an operation on conditions, from their margins."""
+
+
 @dataclass(frozen=True, eq=False)
 class Branches:
     """A Function in which kinks and jumps of the state are replaced by the branch on one side of each switch.

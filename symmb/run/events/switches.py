@@ -7,7 +7,17 @@ import casadi as ca
 import numpy as np
 
 from symmb._types import Array, Mask
-from symmb.declare.symbolic import Branches, On, batch, branches, has_kinks, laws, switching, with_common_expressions
+from symmb.declare.symbolic import (
+    Branches,
+    On,
+    batch,
+    branches,
+    has_kinks,
+    laws,
+    margins,
+    switching,
+    with_common_expressions,
+)
 from symmb.equations.model import DAE
 from symmb.run.events.time_switches import TimeSwitches
 
@@ -116,6 +126,23 @@ def time_switches(dae: DAE, times: Array) -> TimeSwitches | None:
     if not switches.numel() and not knots and instants is None:
         return None
     return TimeSwitches(switches, p, t, times, instants, knots)
+
+
+def parameter_switches(dae: DAE, y: ca.Function) -> ca.Function | None:
+    """A Function p -> values (m,) that change their sign at kinks and jumps of parameters; None if there are none.
+
+    These are kinks and jumps in the equations of motion and in the outputs y, of values that do not depend on time or
+    on the state.
+    """
+    f = dae.remembered(_equations)
+    if not any(has_kinks(each) for each in (f, dae.inertia, y)):
+        return None
+    x, p, t = y.sx_in()
+    inertia = dae.inertia(*dae.arguments(x, p, t), ca.DM([*range(1, dae.n_v + 1)])) if dae.n_v else ca.SX(0, 1)
+    whole = ca.vertcat(f(x, p, t), ca.vec(inertia), ca.vec(y(x, p, t)))
+    parts = ca.extract_parametric(whole, p)[2]
+    switches = margins(ca.Function("parts", [p], [ca.vertcat(ca.SX(0, 1), *parts)]), p)
+    return ca.Function("switches", [p], [switches]) if switches.numel() else None
 
 
 def _branches(dae: DAE, _: Array) -> Branches:

@@ -58,7 +58,7 @@ def ensemble_of_runs(form: Formulation, times: Array, Y: Array, runs: list[Run],
         event_times = [[event.time for event in run.events] for run in runs]
         events = np.array([np.searchsorted(when, times, "right") for when in event_times], dtype=np.intp)
     texts = failure_texts(form, P, t_failed, reasons, lambda k: (runs[k].X, times))
-    return Ensemble(Y, ok, t_failed, texts, events)
+    return Ensemble(Y, ok, t_failed, texts, events, reach_of_parameters(form, P, ok))
 
 
 def ensemble_of_expressions(form: Formulation, P: Array, times: Array, threads: int) -> Ensemble:
@@ -72,7 +72,17 @@ def ensemble_of_expressions(form: Formulation, P: Array, times: Array, threads: 
     ok: Mask = np.asarray(finite.all(axis=1), dtype=bool)
     t_failed = np.where(ok, np.nan, times[finite.argmin(axis=1)])
     no_states, reasons = (np.zeros((0, 0)), times[:0]), [fault or IRREGULAR_OUTPUT for fault in faults]
-    return Ensemble(Y, ok, t_failed, failure_texts(form, P, t_failed, reasons, lambda k: no_states))
+    texts = failure_texts(form, P, t_failed, reasons, lambda k: no_states)
+    return Ensemble(Y, ok, t_failed, texts, reach=reach_of_parameters(form, P, ok))
+
+
+def reach_of_parameters(form: Formulation, P: Array, ok: Mask) -> Array | None:
+    """Values (N, 2, m) of the switches of parameters in samples P (N, d), nan for samples that are not ok; None without
+    such switches. See `Ensemble`."""
+    if (switches := form.parameter_switches) is None:
+        return None
+    values = np.where(ok[:, None], batch(switches, P)[0].reshape(len(P), -1), np.nan)
+    return np.repeat(values[:, None], 2, axis=1)
 
 
 def failure_texts(
@@ -150,7 +160,9 @@ class CompiledEnsemble:
     @property
     def reach(self) -> Array | None:
         """Smallest and largest values (N, 2, m) over time of the switches; see `Ensemble`."""
-        return self.failed_samples.reach
+        own = (reach_of_parameters(self.form, self.P, self.ok), self.failed_samples.reach)
+        known = [each for each in own if each is not None]
+        return np.concatenate(known, axis=2) if known else None
 
     @property
     def t_failed(self) -> Array:

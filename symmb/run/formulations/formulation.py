@@ -14,7 +14,7 @@ from symmb.declare.symbolic import batch, common, least_factorization, shared
 from symmb.declare.symbolic import t as time_symbol
 from symmb.equations.model import DAE, Lazy, Scene, System, compile_dae
 from symmb.equations.start import Singularity, Start, prepare_start, singularity, start_in_joints, with_gated_rows
-from symmb.run.events import Kinks, Pulses, kinks
+from symmb.run.events import Kinks, Pulses, kinks, parameter_switches
 from symmb.run.formulations.output_functions import declared_function, joint_output_function, output_function
 from symmb.run.integrate import Run, Solver
 
@@ -60,6 +60,11 @@ class Formulation:
     def kinks(self, times: Array) -> Kinks | None:
         """Kinks and jumps over the output times (n_t,), if there are any."""
         return self.dae.remembered(kinks, times)
+
+    @cached_property
+    def parameter_switches(self) -> ca.Function | None:
+        """A Function p -> values (m,) that change sign at kinks and jumps of parameters; None if there are none."""
+        return parameter_switches(self.dae, self.y)
 
     def pulses(self, times: Array) -> Pulses:
         """Pulses of functions of time over the output times (n_t,)."""

@@ -121,6 +121,11 @@ class DAESimulator(WithWarnings):
         """Whether samples run in compiled lanes."""
         return self.program.runs_in_lanes
 
+    @property
+    def parameter_switches(self) -> ca.Function | None:
+        """The first switches of `Ensemble.reach`, as a Function of the sample; None if there are none."""
+        return self.formulation.parameter_switches
+
     def prepare(self) -> None:
         """Prepare the runs, if they are not prepared yet."""
         self.program.prepare()

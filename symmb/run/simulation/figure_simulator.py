@@ -132,6 +132,11 @@ class FigureSimulator(WithWarnings):
         """Time spent on deriving, compiling and starting so far [s]."""
         return self.curves.setup_seconds + self._with_rates.compiled.seconds
 
+    @property
+    def parameter_switches(self) -> ca.Function | None:
+        """The first switches of `Ensemble.reach`, as a Function of the sample; None if there are none."""
+        return self._with_rates.formulation.parameter_switches
+
     def prepare(self) -> None:
         """Prepare the runs, if they are not prepared yet."""
         self._with_rates.prepare()
