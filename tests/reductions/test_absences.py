@@ -86,11 +86,39 @@ def test_limits_of_events_that_do_not_come(tmp_path):
     assert "never happens" in (tmp_path / "a.html").read_text()
 
 
-def test_an_event_that_comes_in_no_run_is_refused_with_its_reason():
-    with pytest.raises(mb.PropagationError, match="condition of output 'far' never holds"):
-        mb.propagate(thrown(outputs_at(0.5)))
-    bounds = mb.propagate(thrown(lambda ball: {"y": ball.y, "high": mb.first_time(ball.y >= 0.5)}))
+@pytest.mark.filterwarnings("ignore:Output:symmb.SymmbWarning")
+@pytest.mark.parametrize("method", [mb.PolynomialChaos(), mb.Vertex()], ids=repr)
+def test_a_value_that_no_run_has_leaves_other_outputs_alone(method, tmp_path):
+    bounds = mb.propagate(thrown(outputs_at(0.5)), method)
     assert bounds["high"][1] == np.inf and bounds["y"][1][1] == pytest.approx(2.5 * 0.5 - G / 8)
+    assert bounds["far"] == bounds["pace"] == (-np.inf, np.inf)
+    assert "The condition of far holds in none of 1000 random runs" in "\n".join(bounds.remarks)
+    lack = "No run has a value of far, so that it has no bounds."
+    assert bounds.check({"far": (None, 1.0)})["far"].why == lack and bounds.check({"far": (None, 1.0)}).kept is None
+    with pytest.raises(mb.DeclarationError, match=lack):
+        bounds.worst("far")
+    if bounds.estimate is not None:
+        assert bounds.why("far") == lack and bounds.check({"top": (None, 0.33)}).kept
+    for file in ("a.json", "a.npz"):
+        bounds.save(tmp_path / file)
+        assert mb.Bounds.load(tmp_path / file)["far"] == (-np.inf, np.inf)
+
+
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+@pytest.mark.parametrize("low", [0.1, 0.5])
+def test_a_value_without_its_condition_is_no_reason_to_lose_another(low):
+    """The first condition holds for slow balls only or nowhere, the second one for fast balls only."""
+
+    def outputs(ball):
+        first = mb.value_at(ball.x, ball.y <= -low)
+        return {"slow": first, "fast": mb.value_at(ball.vy, ball.y >= 0.2), "y": ball.y}
+
+    bounds = mb.propagate(thrown(outputs, end=0.37))
+    fastest = np.sqrt(2.5**2 - 2 * G * 0.2)
+    assert bounds["fast"][1] == pytest.approx(fastest, abs=0.02)
+    latest = 0.37 * 3.5
+    slow = bounds["slow"]
+    assert slow == (-np.inf, np.inf) if low == 0.5 else slow[1] == pytest.approx(latest, abs=0.05)
 
 
 def test_times_may_be_negative():

@@ -42,12 +42,14 @@ class Answers(Envelope):
         Raises
         ------
         DeclarationError
-            If there is no such output or time, if no runs were made, or if a file only contains extremes over all
-            times.
+            If there is no such output or time, if no run has a value of the output, if no runs were made, or if a file
+            only contains extremes over all times.
         SimulationError
             If the run fails when it is repeated.
         """
         k = self._column(output)
+        if lack := self._without_value(k):
+            raise DeclarationError(f"Bounds.worst: {lack}")
         if self.attaining is None:
             known = {case.side: case for case in self.worst_cases if case.output == output}
             if time is None and len(known) == len(SIDES):

@@ -213,6 +213,11 @@ class Envelope(WithWarnings):
             style=style,
         )
 
+    def _without_value(self, k: int) -> str:
+        """A sentence if no run has a value of output k; '' otherwise. Such an output has no finite bound."""
+        is_open = np.isneginf(self.lower[:, k]).all() and np.isposinf(self.upper[:, k]).all()
+        return f"No run has a value of {self.names[k]}, so that it has no bounds." if is_open else ""
+
     def _column(self, name: str) -> int:
         """Number of an output."""
         return self.names.index(require_name("Bounds", "output", name, self.names))

@@ -317,6 +317,8 @@ def _decision(bounds: Envelope, k: int, low: float, high: float) -> _Decision:
     """The decision on a limit of output k."""
     lower, upper = bounds.lower[:, k], bounds.upper[:, k]
     margin, rounding = np.fmin(lower - low, high - upper), rounding_of(bounds, k)  # nan if bound and limit are infinite
+    if lack := bounds._without_value(k):
+        return _Decision(None, lack, margin)
     unit = unit_suffix(bounds, k)
     attained = bounds.inner or ((bounds.lower, bounds.upper) if bounds.kind == "sampled" else None)
     beyond = -np.inf if attained is None else max((low - attained[0][:, k]).max(), (attained[1][:, k] - high).max())

@@ -165,6 +165,8 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
         'it is the accuracy of the search for the range of the polynomial'
         """
         k = self._column(output)
+        if lack := self._without_value(k):
+            return lack
         if self.estimate is None:
             return f"{self.method} does not estimate the error of its bounds. PolynomialChaos() does."
         i = int(np.argmax(self.estimate[:, k]))

@@ -1,7 +1,7 @@
 """Scalar outputs whose condition never holds in some runs: bounds of the other outputs do not depend on it.
 
-Two studies are made where `value_at` has no value in some runs: one in which all runs have a value of all outputs, and
-one in which these runs fail, for the outputs concerned.
+If `value_at` has no value in some runs, there are further studies: one in which all runs have a value of all outputs,
+and one of the outputs concerned, in which these runs fail.
 """
 
 from collections.abc import Sequence
@@ -32,49 +32,88 @@ def bounds_with_absences(method: Method, runs: RunsOverBox) -> Bounds:
     if not isinstance(simulator, FigureSimulator) or not simulator.ends:
         return bounds_of(method, runs, method.bounds)
     values_at = [name for name, end in simulator.ends.items() if end is None]
-    failing = runs.of(simulator.continued([name for name in simulator.ends if name not in values_at]))
+    with_value = {name: runs.of(_failing_without(simulator, [name])) for name in values_at}
     try:
-        found = bounds_of(method, failing, method.bounds)
+        found = bounds_of(method, runs.of(_failing_without(simulator, values_at)), method.bounds)
     except PropagationError:
-        every = bounds_of(method, runs.of(simulator.continued()), method.bounds)  # raises, if other runs fail
-        lost, found = values_at, bounds_of(_SAMPLES, failing, _SAMPLES.bounds)
+        found, lost = None, values_at
     else:
         lost = [name for name in values_at if any(never_holds(name) in run.message for run in found.failed)]
-        every = bounds_of(method, runs.of(simulator.continued()), method.bounds) if lost else found
-    return with_never(_with_columns(every, found, lost) if lost else found, simulator)
+        if not lost:
+            return with_never(found, simulator)
+    every = bounds_of(method, runs.of(simulator.continued()), method.bounds)  # raises, if other runs fail
+    # A run without a value of one output may have a value of another.
+    apart = found is not None and any(never_holds(name) not in run.message for run in found.failed for name in lost)
+    for name in lost:
+        own = _bounds_or_none(method, with_value[name]) if apart or (found is None and len(lost) > 1) else found
+        every = _with_column(every, own or _bounds_or_none(_SAMPLES, with_value[name]), name)
+    return with_never(every, simulator)
 
 
-def _with_columns(every: Bounds, some: Bounds, lost: Sequence[str]) -> Bounds:
-    """Bounds of all outputs, in which some outputs have their bounds from the runs that have a value of them."""
-    columns = [every.names.index(name) for name in lost]
+def _failing_without(simulator: FigureSimulator, names: Sequence[str]) -> FigureSimulator:
+    """A simulator whose runs fail if some outputs have no value."""
+    return simulator.continued([name for name in simulator.ends if name not in names])
+
+
+def _bounds_or_none(method: Method, runs: RunsOverBox) -> Bounds | None:
+    try:
+        return bounds_of(method, runs, method.bounds)
+    except PropagationError:
+        return None
+
+
+def _with_column(every: Bounds, some: Bounds | None, name: str) -> Bounds:
+    """Bounds of all outputs, in which one has its bounds from the runs that have a value of it; nan if none has."""
+    column = every.names.index(name)
+
+    def mixed(own: Array | None, other: Array | None) -> Array | None:
+        if own is None or (some is not None and other is None):
+            return own
+        values = np.array(own)
+        values[:, column] = np.nan if other is None else other[:, column]
+        return values
+
+    if some is None:
+        own = [mixed(each, None) for each in (every.lower, every.upper, every.estimate)]
+        remark = (
+            f"The condition of {name} holds in none of {_SAMPLES.samples} random runs, so that {name} has no bounds. "
+            f"In samples, {name} has its value at the end of a run."
+        )
+        known = dict(zip(("lower", "upper", "estimate"), own, strict=True))
+        return replace(every, **known, inner=None, remarks=(*every.remarks, remark))
     where = some.failed_region or f"in {len(some.failed)} of {counted(some.evaluations, 'run')}"
     remarks = [
         f"The condition of {name} never holds {where}. The bounds of {name} are those of the other runs. In samples, "
         f"{name} has its value at the end of such runs."
-        for name in lost
     ]
-    remarks += [f"The bounds of {name} are extremes of random runs." for name in lost if some.kind == "sampled"]
-
-    def mixed(own: Array | None, other: Array | None) -> Array | None:
-        if own is None or other is None:
-            return own
-        values = np.array(own)
-        values[:, columns] = other[:, columns]
-        return values
-
-    widths = some.upper - some.lower
+    if some.kind == "sampled" and every.kind != "sampled":
+        remarks.append(f"The bounds of {name} are extremes of random runs.")
     known: dict[str, Any] = {
         "lower": mixed(every.lower, some.lower),
         "upper": mixed(every.upper, some.upper),
-        "estimate": mixed(every.estimate, widths if some.estimate is None else some.estimate),
+        "estimate": mixed(every.estimate, some.upper - some.lower if some.estimate is None else some.estimate),
         "remarks": (*every.remarks, *remarks),
         "evaluations": every.evaluations + some.evaluations,
     }
     if every.inner is not None and some.inner is not None:
         known["inner"] = tuple(mixed(*pair) for pair in zip(every.inner, some.inner, strict=True))
     if every.attaining is not None and some.attaining is not None:
-        known["attaining"] = replace(every.attaining, others=dict.fromkeys(columns, some.attaining))
+        known["attaining"] = replace(every.attaining, others={**every.attaining.others, column: some.attaining})
     return replace(every, **known)
+
+
+def with_open_ends(bounds: Bounds) -> Bounds:
+    """Bounds from minus infinity to infinity of outputs of which no run has a value, in place of nan."""
+    lost = np.isnan(bounds.lower) & np.isnan(bounds.upper)
+    if not lost.any():
+        return bounds
+    estimate = None if bounds.estimate is None else np.where(lost, 0.0, bounds.estimate)
+    return replace(
+        bounds,
+        lower=np.where(lost, -np.inf, bounds.lower),
+        upper=np.where(lost, np.inf, bounds.upper),
+        estimate=estimate,
+    )
 
 
 def with_never(bounds: Bounds, simulator: FigureSimulator) -> Bounds:

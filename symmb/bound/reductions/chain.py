@@ -8,7 +8,7 @@ from symmb._types import Executor
 from symmb._units import units_of_parameters
 from symmb.bound.answers import Bounds
 from symmb.bound.methods import Method
-from symmb.bound.reductions.absences import bounds_with_absences
+from symmb.bound.reductions.absences import bounds_with_absences, with_open_ends
 from symmb.bound.reductions.choices import Choices
 from symmb.bound.reductions.constraints import Constraints
 from symmb.bound.reductions.reduction import Reduced, Reduction
@@ -73,4 +73,4 @@ def bounded(
                 raise
             return reduction.invert(study, parts)
     runs = RunsOverBox(repr(method), simulator, box, executor, progress)
-    return bounds_with_unseen(method, runs) if searched else bounds_with_absences(method, runs)
+    return with_open_ends((bounds_with_unseen if searched else bounds_with_absences)(method, runs))

@@ -41,8 +41,8 @@ def distance(high: Array, low: Array) -> Array:
 
 
 def _hull(pairs: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
-    """The smallest of several lower ends, and the largest of several upper ends."""
-    return np.min([low for low, _ in pairs], axis=0), np.max([high for _, high in pairs], axis=0)
+    """The smallest of several lower ends, and the largest of several upper ends. Ends that are nan are ignored."""
+    return np.fmin.reduce([low for low, _ in pairs]), np.fmax.reduce([high for _, high in pairs])
 
 
 def _attaining(each: Sequence[AttainingRuns | None]) -> AttainingRuns | None:
@@ -58,4 +58,8 @@ def _attaining(each: Sequence[AttainingRuns | None]) -> AttainingRuns | None:
         numbers = np.stack([own.at[side] + offset for own, offset in zip(runs, offsets[:-1], strict=True)])
         ends[side] = np.take_along_axis(values, chosen, axis=0)[0]
         at[side] = np.take_along_axis(numbers, chosen, axis=0)[0]
-    return AttainingRuns(runs[0].simulator, tuple(block for own in runs for block in own.blocks), ends, at)
+    others = dict[int, AttainingRuns]()
+    for k in {k: True for own in runs for k in own.others}:  # the other parts have values of this output in all runs
+        if found := _attaining([own.others.get(k, replace(own, others={})) for own in runs]):
+            others[k] = found
+    return AttainingRuns(runs[0].simulator, tuple(block for own in runs for block in own.blocks), ends, at, others)

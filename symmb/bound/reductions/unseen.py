@@ -109,7 +109,11 @@ def _of_events(seen: Bounds, found: Bounds, simulator: Simulator) -> Bounds:
     columns = [seen.names.index(name) for name, end in simulator.ends.items() if end is None]
     lower, upper = np.array(seen.lower), np.array(seen.upper)
     lower[:, columns], upper[:, columns] = found.lower[:, columns], found.upper[:, columns]
-    return replace(seen, lower=lower, upper=upper, inner=(lower, upper))
+    attaining = seen.attaining
+    if attaining is not None and found.attaining is not None:
+        own = found.attaining
+        attaining = replace(attaining, others={k: own.others.get(k, replace(own, others={})) for k in columns})
+    return replace(seen, lower=lower, upper=upper, inner=(lower, upper), attaining=attaining)
 
 
 def _joined(parts: list[Bounds], remarks: list[str]) -> Bounds:

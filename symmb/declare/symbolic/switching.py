@@ -1,7 +1,7 @@
 """Kinks and jumps of expressions, the branches on each side, and the parts that depend on time only."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import lru_cache
@@ -144,28 +144,34 @@ def margins(f: ca.Function, symbols: ca.SX) -> ca.SX:
     """
     found: dict[int, ca.SX] = {}
 
-    def operation(code: Any, of: tuple[_Logic, ...]) -> _Logic:
-        arguments, own = [a.sx for a in of], [a.margin for a in of if a.margin is not None]
-        value, is_kink = applied(code, *arguments), not any(_is_guard(a) or is_soft(a) for a in arguments)
-        if code in (ca.OP_LT, ca.OP_LE) and is_kink:
-            return _Logic(value, arguments[0] - arguments[1])
-        if code in _OF_MARGINS and len(own) == len(of):
-            return _Logic(value, _OF_MARGINS[code](*own))
-        own += [_KINKS[code][1](*arguments)] if code in _KINKS and is_kink else []
-        found.update({margin.element_hash(): margin for margin in own})
-        return _Logic(value)
+    def add(values: Iterable[_Pending]) -> None:
+        found.update({a.margin.element_hash(): a.margin for a in values if a.margin is not None})
 
-    parts = interpret(f, [[_Logic(e) for e in ca.vertsplit(symbols)]], operation, lambda number: _Logic(ca.SX(number)))
-    found.update({a.margin.element_hash(): a.margin for part in parts for a in part if a.margin is not None})
+    def operation(code: Any, of: tuple[_Pending, ...]) -> _Pending:
+        arguments = [a.sx for a in of]
+        value, is_kink = applied(code, *arguments), not any(_is_guard(a) or is_soft(a) for a in arguments)
+        is_comparison = code in (ca.OP_LT, ca.OP_LE)
+        if is_comparison and any(a.is_constant() and math.isinf(float(a)) for a in arguments):
+            return _Pending(value)  # whether a value is finite
+        if code in _OF_MARGINS and all(a.is_condition for a in of):
+            return _Pending(value, _OF_MARGINS[code](*(a.margin for a in of)), True)
+        add(of)
+        margin = _KINKS[code][1](*arguments) if code in _KINKS and is_kink else None
+        return _Pending(value, margin, is_comparison and is_kink)
+
+    of_symbols = [_Pending(e) for e in ca.vertsplit(symbols)]
+    for part in interpret(f, [of_symbols], operation, lambda number: _Pending(ca.SX(number))):
+        add(part)
     return ca.vertcat(ca.SX(0, 1), *found.values())
 
 
 @dataclass(frozen=True, eq=False)
-class _Logic:
-    """A value and, if it is true or false, an expression that is negative where it is true."""
+class _Pending:
+    """A value of an operation, and its margin, which counts if another operation uses the value."""
 
     sx: ca.SX
     margin: ca.SX | None = None
+    is_condition: bool = False  # true where the margin is negative
 
 
 _OF_MARGINS: dict[Any, Callable[..., ca.SX]] = {ca.OP_AND: ca.fmax, ca.OP_OR: ca.fmin, ca.OP_NOT: lambda a: -a}
