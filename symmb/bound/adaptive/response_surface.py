@@ -5,7 +5,7 @@ median is 80 runs, 10 functions have needless warnings, and no error is without 
 is 328 runs, 80 functions have needless warnings, and three sums of kinks have errors without a warning.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -63,8 +63,10 @@ class ResponseSurface(OutputStudy):
         which it uses this run. Smaller numbers take more runs, larger ones miss bumps (benchmarks/silent_errors.py)
     slope_step : distance from the centre at which slopes are measured. Runs at the same distance from an extreme test
         whether the response is flat there. At a smaller distance, changes are smaller. At a larger one, slopes differ
-    candidates, starts : number of points of the box (and as many corners), and number of starts of searches. Larger
-        numbers take more time and miss fewer extremes
+    candidates, starts : number of points near corners (as many corners, and as many points inside), and number of
+        starts of searches. Larger numbers take more time and miss fewer extremes
+    apart : least distance of these starts. If starts are closer, all of them are near the largest extreme, and bumps
+        inside of the box are missed. With larger distances, close extremes are missed (benchmarks/silent_errors.py)
     """
 
     shortest_ridge: float = 0.7
@@ -79,6 +81,7 @@ class ResponseSurface(OutputStudy):
     slope_step: float = 0.15
     candidates: int = 200
     starts: int = 3
+    apart: float = 0.5
 
     name = "response surface"
     when = f"an output has at most {FEW_TIMES} times, and its sparse grid or its corners do not decide it"
@@ -99,7 +102,9 @@ class ResponseSurface(OutputStudy):
         most = runs.most if is_patient else PATIENCE * d
         latest, kernels, n_spread, n_fit = np.zeros(1), list[Kernel](), 0, 0
         corners = np.array_split(screening_corners(d)[: 2 * self.spread_runs], 2)
-        slopes = self.slope_step * np.eye(d)
+        slopes, n_even = self.slope_step * np.eye(d), 0
+        while is_among(evenly_spread_points(n_even + 1, d)[-1:], runs.points).all():  # earlier studies have run them
+            n_even += 1
         yield Checks(slopes)
         points = np.concatenate([points, slopes])
         while True:
@@ -143,7 +148,7 @@ class ResponseSurface(OutputStudy):
                 kernels, n_fit = [], 0  # noise of one response changes the kernel of all responses
                 continue
             is_at_corners = bool(corners) and n_spread % (2 * self.spread_runs) > 0
-            spread = evenly_spread_points(n_spread + self.spread_runs, d)[-self.spread_runs :]
+            spread = evenly_spread_points(n_even + n_spread + self.spread_runs, d)[-self.spread_runs :]
             spread = corners.pop() if is_at_corners else spread
             n_spread += self.spread_runs
             beside = _beside(places[:, 0].reshape(-1, d), n_spread)
@@ -315,7 +320,7 @@ def _extremes(surface: GaussianProcess, factor: float) -> tuple[Array, Array]:
     """
     d, m = surface.points.shape[1], surface.Y.shape[1]
     spread = quasi_random_points(_SURFACE.candidates, d)
-    candidates = np.concatenate([spread, np.sign(spread), surface.points])
+    candidates = np.concatenate([spread, np.sign(spread), evenly_spread_points(len(spread), d), surface.points])
     mean, deviation = surface.mean(candidates), surface.deviation(candidates)
     places, ends = np.empty((2, 2, m, d)), np.empty((2, 2, m))
     for end, sign in enumerate((1.0, -1.0)):
@@ -323,10 +328,21 @@ def _extremes(surface: GaussianProcess, factor: float) -> tuple[Array, Array]:
             for j in range(m):
                 order = np.argsort(sign * mean[:, j] - deviations * deviation, kind="stable")
                 best = _best_of_each_parameter(surface, j, sign, deviations, candidates[order[0]])
-                starts = np.concatenate([best[None], candidates[order[: _SURFACE.starts]]])
+                starts = _apart([best, *candidates[order]], 1 + _SURFACE.starts)
                 places[end, k, j], least = surface.smallest(j, sign, deviations, starts)
                 ends[end, k, j] = sign * least
     return places, ends
+
+
+def _apart(places: Sequence[Array], number: int) -> Array:
+    """The first places (number, d) that are not close to earlier ones."""
+    chosen = [places[0]]
+    for place in places[1:]:
+        if len(chosen) == number:
+            break
+        if all(np.abs(place - other).max() > _SURFACE.apart for other in chosen):
+            chosen.append(place)
+    return np.array(chosen)
 
 
 def _best_of_each_parameter(surface: GaussianProcess, response: int, sign: float, factor: float, x: Array) -> Array:

@@ -29,6 +29,11 @@ NARROW, MOST_AT_KINKS = 0.01, 8
 """Distance of runs at kinks, divided by that of other check runs. Largest number of runs at kinks in a round."""
 
 
+SPREAD_SHARE = 12
+"""Ratio of all runs of three parameters to check runs that are evenly spread. Smaller ratios take more runs and
+miss fewer bumps. (tests/benchmarks/silent_errors.py)"""
+
+
 @dataclass(frozen=True, eq=False)
 class _Union:
     """The range of all pieces.
@@ -331,6 +336,8 @@ class Refinement:
         n_known, d = len(runs.points), len(runs.box)
         probes = self._probes(PROBES)
         runs.check(probes)
+        if len(union.pieces) == 1 and d > 2:  # larger grids may still miss a bump between their nodes
+            runs.check(evenly_spread_points(len(runs) // SPREAD_SHARE, d)[: runs.left])
         for _ in range(2 if d == 1 else 1):
             places, weights = union.places, union.checkable_error
             if d == 1:  # a response may have kinks
