@@ -121,6 +121,19 @@ def test_a_value_without_its_condition_is_no_reason_to_lose_another(low):
     assert slow == (-np.inf, np.inf) if low == 0.5 else slow[1] == pytest.approx(latest, abs=0.05)
 
 
+def test_bounds_without_and_with_values_are_loaded(tmp_path):
+    def outputs(ball):
+        return {"late": mb.first_time(ball.y >= 0.2), "none": mb.value_at(ball.y, ball.y > 0.5)}
+
+    with warnings.catch_warnings(action="ignore", category=mb.SymmbWarning):
+        bounds = mb.propagate(thrown(outputs))
+    with pytest.raises(mb.DeclarationError, match="the bounds of late are infinite"):
+        bounds.statistical({"late": (None, 0.5)})
+    for file in ("a.json", "a.npz"):
+        bounds.save(tmp_path / file)
+        assert mb.Bounds.load(tmp_path / file)["none"] == (-np.inf, np.inf)
+
+
 def test_times_may_be_negative():
     machine = machines.ball(speed=2.0)
     outputs = {"high": mb.first_time(machine.ball.y >= 0.2)}

@@ -130,8 +130,13 @@ CONDITIONS = {
 
 def pushed(where, condition):
     """A ball under a force that is 5 N larger where a condition of parameters holds."""
+    return pushed_by(lambda p: ca.if_else(condition(p), 5.0, 0.0), where)
+
+
+def pushed_by(law, where="law"):
+    """A ball under a force, and a further one that depends on parameters."""
     p = mb.Parameters(u=0.0, v=0.0, w=0.0, force=10.0, mass=2.0)
-    ball, more = mb.Body("ball", p.mass, pose=mb.Particle()), ca.if_else(condition(p), 5.0, 0.0)
+    ball, more = mb.Body("ball", p.mass, pose=mb.Particle()), law(p)
     push = p.force + p.u + p.v + p.w
     force = mb.Force("force", ball.point(0, 0), (push + more if where == "law" else push, 0))
     outputs = {"x": ball.x if where == "law" else ball.x + more * mb.t**2 / 2 / p.mass}
@@ -152,6 +157,29 @@ def test_conditions_of_parameters_that_hold_in_a_small_part(kind, where):
         assert_allclose(bounds.upper[-1, 0], true, rtol=5e-3)
         assert not bounds.doubts
     assert bounds.lower[-1, 0] == pytest.approx(6.5 / 2.1 / 2, rel=5e-3)
+
+
+def hat(x, centre):
+    return ca.fmax(1 - ca.fabs(x - centre) / 0.14, 0)
+
+
+JOINT = {
+    "a product of two": lambda p: hat(p.u, 0.3) * hat(p.v, -0.6),
+    "a product of three": lambda p: hat(p.u, 0.3) * hat(p.v, -0.6) * hat(p.w, 0.1),
+    "a minimum of three": lambda p: ca.fmax(ca.fmin(ca.fmin(1 - ca.fabs(p.u - 0.3) / 0.14, p.v - 0.8), p.w + 0.3), 0),
+}
+
+
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+@pytest.mark.parametrize("kind", JOINT)
+def test_forces_of_parameters_that_act_together_in_a_small_part(kind):
+    scene, points = pushed_by(lambda p: 20.0 * JOINT[kind](p)), np.random.default_rng(0).uniform(-1, 1, (60_000, 5))
+    bounds, values = mb.propagate(scene), runs_of(scene)(points)[:, -1, 0]
+    assert values.max() > runs_of(pushed_by(lambda p: 0.0))(points)[:, -1, 0].max() + 0.3
+    off = max(values.max() - bounds.outer[1][-1, 0], 0.0)
+    assert off <= 0.02 * np.ptp(values)
+    kept = bounds.check({"x": (None, float(values.max()) - 0.1)})["x"].kept
+    assert kept is False or (kept is None and bounds.doubts)
 
 
 def test_conditions_that_hold_nowhere_take_no_run():

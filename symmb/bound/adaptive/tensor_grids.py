@@ -9,6 +9,7 @@ import numpy as np
 from symmb._magnitudes import SAME
 from symmb._types import Array, Indices, Mask
 from symmb.bound.adaptive.check_points import (
+    FEW_TIMES,
     PATIENCE,
     PROBES,
     SAFETY,
@@ -30,8 +31,8 @@ NARROW, MOST_AT_KINKS = 0.01, 8
 
 
 SPREAD_SHARE = 12
-"""Ratio of all runs of three parameters to check runs that are evenly spread. Smaller ratios take more runs and
-miss fewer bumps. (tests/benchmarks/silent_errors.py)"""
+"""Ratio of all runs of three parameters to check runs that are evenly spread, if there are few times. Values at many
+times show more. Smaller ratios take more runs and miss fewer bumps. (tests/benchmarks/silent_errors.py)"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -336,7 +337,7 @@ class Refinement:
         n_known, d = len(runs.points), len(runs.box)
         probes = self._probes(PROBES)
         runs.check(probes)
-        if len(union.pieces) == 1 and d > 2:  # larger grids may still miss a bump between their nodes
+        if len(union.pieces) == 1 and d > 2 and runs.shape[0] <= FEW_TIMES:  # a bump may be between the nodes
             runs.check(evenly_spread_points(len(runs) // SPREAD_SHARE, d)[: runs.left])
         for _ in range(2 if d == 1 else 1):
             places, weights = union.places, union.checkable_error

@@ -292,6 +292,9 @@ class Answers(Envelope):
         (array([0.5]), array([0.7]), array([1.22]))
         """
         pairs = limit_pairs("Bounds.statistical", limits, self.names, self.units)
+        for name in pairs:
+            if not np.isfinite([ends[:, self._column(name)] for ends in (self.lower, self.upper)]).all():
+                raise DeclarationError(f"Bounds.statistical: the bounds of {name} are infinite. Use finite outputs.")
         return statistics_of(self._responses("Bounds.statistical"), pairs, laws)
 
     def samples(

@@ -5,12 +5,17 @@ keeps from a switch varies smoothly over the box, even where the outputs do not 
 somewhere, local searches make runs there.
 """
 
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
+from typing import cast
 
 import casadi as ca
 import numpy as np
 
+from symmb._doubt import Doubt
 from symmb._errors import PropagationError
+from symmb._magnitudes import SAME
 from symmb._names import counted
 from symmb._types import Array
 from symmb._units import typeset
@@ -21,9 +26,9 @@ from symmb.bound.polynomials import TotalDegree, basis_values
 from symmb.bound.polynomials.ranges import attained_extremes
 from symmb.bound.reductions.absences import bounds_with_absences, with_never
 from symmb.bound.reductions.hull import distance, hull_of
-from symmb.bound.responses import FINE, RunsOverBox, parameter_columns, parameter_samples
+from symmb.bound.responses import DOUBTFUL, FINE, RunsOverBox, parameter_columns, parameter_samples
 from symmb.bound.searches import direct_search
-from symmb.connect import Simulator, note_attained, run_blocks
+from symmb.connect import Ensemble, Simulator, note_attained, run_blocks
 from symmb.declare.symbolic import batch
 from symmb.equations.model import Box
 from symmb.run.simulation import FigureSimulator, SceneSimulator
@@ -53,6 +58,8 @@ _MOST_OF_BOX = 0.5
 _FEW = 0.25
 """Largest share of the runs of a study that reach a switch, if a search is necessary. If more runs reach it, the study
 sees how outputs depend on its element."""
+
+_Nearness = Callable[[Array, Ensemble], Array]
 
 
 def bounds_with_unseen(method: Method, runs: RunsOverBox) -> Bounds:
@@ -124,11 +131,17 @@ def _joined(parts: list[Bounds], remarks: list[str]) -> Bounds:
     result = replace(hull_of(parts), run_doubts=tuple(doubts), remarks=(*whole.remarks, *remarks))
     if result.estimate is not None:  # runs of the search beyond the studies show an error of these
         beyond = np.maximum(distance(studies.lower, result.lower), distance(result.upper, studies.upper))
-        result = replace(result, estimate=np.maximum(result.estimate, np.where(np.isfinite(beyond), beyond, 0.0)))
+        beyond = np.where(np.isfinite(beyond), beyond, 0.0)
+        result = replace(result, estimate=np.maximum(result.estimate, beyond))
+        is_off = np.greater(beyond, DOUBTFUL * distance(result.upper, result.lower)).any(axis=0)
+        if names := np.array(result.names)[is_off].tolist():
+            text = f"Runs of a search are beyond the studies of {', '.join(names)}. Others may be as well."
+            result = replace(result, run_doubts=(*result.run_doubts, Doubt(text, names)))
     if whole.surrogate is None:
         return result
     # The polynomials do not know the parts. If these change the bounds, the polynomials have no known error.
     off = np.maximum(distance(whole.lower, result.lower), distance(result.upper, whole.upper))
+    off[np.isnan(off)] = np.inf  # the first study has no run with a value
     is_new = off > FINE * distance(result.upper, result.lower)
     surrogate = whole.surrogate.changed(
         lambda own: own, np.where(is_new, np.inf, np.maximum(whole.surrogate.error, off))
@@ -149,7 +162,7 @@ class _Search:
         P, reach = (np.concatenate(each) for each in zip(*found.attaining.reach, strict=True))
         ok = np.isfinite(reach).all(axis=(1, 2))
         self._X = runs.box.to_unit(P[:, parameter_columns(runs.simulator, runs.box)])[ok][:, self._varied]
-        self._conditions, self._n_conditions = conditions, 0 if conditions is None else conditions.numel_out()
+        self._conditions, self._n_conditions = conditions, 0 if conditions is None else conditions.numel_out(0)
         self._sides = np.where((reach[ok][:, 0] > 0).mean(axis=0) > 0.5, 1.0, -1.0)
         self._distances = self._from(reach[ok])
         self._reached: list[Array] = []
@@ -162,31 +175,65 @@ class _Search:
 
     def extremes(self, most: int) -> tuple[Array, Array, Array]:
         """Lowest and highest outputs (n_t, n_y) of at most `most` runs of the searches, and their error, 0."""
-        for k, place in self._within_reach():
+        for starts, of_runs, of_places in self._searches():
             self._known = []
-            starts = np.vstack([place, self._X[np.argsort(self._distances[:, k])[:_STARTS]]])
             left = most - self._runs.evaluations
             if left <= 0:
                 break
-            if k < self._n_conditions:
-                starts = self._met_without_runs(k, starts)
-                if not len(starts):
-                    continue
-
-            def nearness(X: Array, k: int = k) -> Array:
-                return self._nearness(k, X, most)
-
-            best = direct_search(nearness, starts, int(_FINDING * left), -np.finfo(float).tiny)
-            if best.value < 0:
+            if of_places is not None and not len(starts := self._met_without_runs(of_places, starts)):
                 continue
-            if most > self._runs.evaluations:
-                best = direct_search(nearness, best.place[None], most - self._runs.evaluations - self._runs_around)
-            axes = np.concatenate([np.eye(len(best.place)), -np.eye(len(best.place))])
-            nearness(np.clip(best.place + (_RAYS[:, None, None] * axes).reshape(-1, len(best.place)), -1.0, 1.0))
+
+            def nearness(X: Array, of_runs: _Nearness = of_runs) -> Array:
+                return self._nearness(X, of_runs, most)
+
+            if of_places is None:
+                best = direct_search(nearness, starts, int(_FINDING * left), -np.finfo(float).tiny)
+                if best.value < 0:
+                    continue
+                if most > self._runs.evaluations:
+                    best = direct_search(nearness, best.place[None], most - self._runs.evaluations - self._runs_around)
+                place = best.place
+            else:
+                place = starts[0]
+                nearness(starts)
+            axes = np.concatenate([np.eye(len(place)), -np.eye(len(place))])
+            nearness(np.clip(place + (_RAYS[:, None, None] * axes).reshape(-1, len(place)), -1.0, 1.0))
             low, high = _around(self._acting(), _WIDER)
             nearness(low + (Sobol().points(_SPREAD, len(low), seed=0) + 1) / 2 * (high - low))
             self._reached.append(self._acting())
         return self._ends[0], self._ends[1], np.zeros(self._runs.shape)
+
+    def _searches(self) -> Iterator[tuple[Array, "_Nearness", "Callable[[Array], Array] | None"]]:
+        """Starts (n, d) of each search, and the nearness (N,) of points (N, d), 0 or positive where an element acts.
+
+        It follows from the points and their ensemble, and for elements that parameters alone decide also from the
+        points.
+        """
+        if self._conditions is not None:
+            n, seen = self._n_conditions, self._by_parameters(self._X)[1]
+            few = np.flatnonzero((self._distances[:, :n] <= 0).mean(axis=0) <= _FEW).tolist()
+            ends = np.stack([seen.min(axis=0), seen.max(axis=0)])
+            least = np.ptp(ends, axis=0) + SAME * np.abs(ends).max(axis=0) + np.finfo(float).tiny
+
+            def beyond(X: Array, j: int, end: int) -> Array:  # values that are far from those of the study
+                return (2 * end - 1) * (self._by_parameters(X)[1][:, j] - ends[end, j]) - least[j]
+
+            def passed(X: Array, k: int) -> Array:
+                return -self._sides[k] * self._by_parameters(X)[0][:, k]
+
+            known = [partial(beyond, j=j, end=end) for j in range(seen.shape[1]) for end in (0, 1)]
+            for of_places in (*known, *(partial(passed, k=k) for k in few)):
+                nearest = np.argsort(-of_places(self._X), kind="stable")[:_STARTS]
+                yield self._X[nearest], lambda X, _, of=of_places: of(X), of_places
+        for k, place in self._within_reach():
+            starts = np.vstack([place, self._X[np.argsort(self._distances[:, k])[:_STARTS]]])
+            yield starts, lambda _, runs, k=k: -self._from(cast(Array, runs.reach))[:, k], None
+
+    def _by_parameters(self, X: Array) -> list[Array]:
+        """Margins (N, m) and values (N, k) of conditions of parameters at points X (N, d)."""
+        assert self._conditions is not None
+        margins, values = batch(self._conditions, self._samples(X))
+        return [margins.reshape(len(X), -1), np.nan_to_num(values.reshape(len(X), -1))]
 
     def _acting(self) -> Array:
         """The places (n, d) of runs of the present search that reach the switch."""
@@ -197,14 +244,8 @@ class _Search:
     def _runs_around(self) -> int:
         return 2 * len(_RAYS) * int(self._varied.sum()) + _SPREAD
 
-    def _met_without_runs(self, k: int, starts: Array) -> Array:
-        """Places (n, d) beyond switch k, which depends on parameters only: the best one, and some others."""
-        conditions = self._conditions
-        assert conditions is not None
-
-        def nearness(X: Array) -> Array:
-            return -self._sides[k] * batch(conditions, self._samples(X))[0][:, k]
-
+    def _met_without_runs(self, nearness: Callable[[Array], Array], starts: Array) -> Array:
+        """Places (n, d) where an element that parameters alone decide acts: the best one, and some others."""
         spread = np.vstack([starts, Sobol().points(_LOOKS, starts.shape[1], seed=0)])
         values = nearness(spread)
         found = direct_search(nearness, spread[np.argsort(-values, kind="stable")[:_STARTS]], _LOOKS)
@@ -216,9 +257,8 @@ class _Search:
         points[:, self._varied] = X
         return parameter_samples(self._runs.simulator, self._runs.box, points)
 
-    def _nearness(self, k: int, X: Array, most: int) -> Array:
-        """The negative distance (N,) from switch k of runs at points X (N, d); -inf for failed runs, and without runs
-        left."""
+    def _nearness(self, X: Array, of_runs: "_Nearness", most: int) -> Array:
+        """The nearness (N,) of runs at points X (N, d); -inf for failed runs, and without runs left."""
         runs, result = self._runs, np.full(len(X), -np.inf)
         X = X[: most - runs.evaluations]
         if not len(X):
@@ -229,9 +269,8 @@ class _Search:
         low, high = ensemble.extremes()
         note_attained(low, high, P)
         self._ends = np.minimum(self._ends[0], low), np.maximum(self._ends[1], high)
-        assert ensemble.reach is not None
-        distances = self._from(ensemble.reach)[:, k]
-        result[: len(X)] = np.where(np.isfinite(distances), -distances, -np.inf)
+        own = of_runs(X, ensemble)
+        result[: len(X)] = np.where(ensemble.ok & np.isfinite(own), own, -np.inf)
         self._known.append((X, result[: len(X)]))
         return result
 
@@ -257,7 +296,8 @@ class _Search:
         With each number, the place (d,) at which a polynomial of the distance is lowest.
         """
         (N, d), y = self._X.shape, self._distances
-        own = np.flatnonzero(((y <= 0).mean(axis=0) <= _FEW) & (np.ptp(y, axis=0) > 0)) if N else np.empty(0, dtype=int)
+        few = (y <= 0).mean(axis=0) <= _FEW if N else np.zeros(y.shape[1], dtype=bool)
+        own = np.flatnonzero(few & (np.ptp(y, axis=0) > 0) & (np.arange(y.shape[1]) >= self._n_conditions))
         places = np.zeros((len(own), d))
         for degree in range(1, _HIGHEST + 1):
             alpha = TotalDegree().indices(d, degree)
@@ -268,7 +308,7 @@ class _Search:
             off = np.abs(V @ c - y[:, own]).max(axis=0)
             lowest, _, places, _ = attained_extremes(alpha, c)
             near = np.minimum(lowest, y[:, own].min(axis=0)) <= _SLACK * off
-            near |= (N < _KNOWN * len(alpha)) | (own < self._n_conditions)
+            near |= N < _KNOWN * len(alpha)
             own, places = own[near], places[near]
         order = np.argsort(y[:, own].min(axis=0, initial=np.inf) / np.ptp(y[:, own], axis=0)) if own.size else own
         return [(int(own[j]), places[j]) for j in order]

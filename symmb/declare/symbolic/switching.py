@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import lru_cache
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar, cast
 
 import casadi as ca
 
@@ -131,38 +131,43 @@ def switching(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Switching:
     return Switching(tuple(sorted(kinks)), ca.vertcat(ca.SX(0, 1), *switches.values()), tuple(located.values()))
 
 
-def margins(f: ca.Function, symbols: ca.SX) -> ca.SX:
-    """Expressions (m,) that change sign where an operation of a Function of some symbols has a kink or a jump.
+def margins(f: ca.Function, symbols: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Margins (m,) that change sign where an operation of a Function of some symbols has a kink or a jump.
 
-    Comparisons that `logic_and`, `logic_or` and `logic_not` combine have one margin.
+    Comparisons that `logic_and`, `logic_or` and `logic_not` combine have one margin. The second part are values (k,) of
+    products, minima and maxima of several values with kinks, such as a force that acts if several gaps are closed.
 
     Examples
     --------
     >>> x = ca.SX.sym("x")
-    >>> margins(ca.Function("f", [x], [ca.if_else(ca.logic_and(x < 2, 1 < x), 5, 0)]), x)
+    >>> margins(ca.Function("f", [x], [ca.if_else(ca.logic_and(x < 2, 1 < x), 5, 0)]), x)[0]
     SX(fmax((x-2),(1-x)))
+    >>> margins(ca.Function("f", [x], [ca.fmax(x - 1, 0) * ca.fmax(2 - x, 0)]), x)[1]
+    SX(@1=0, (fmax((x-1),@1)*fmax((2-x),@1)))
     """
-    found: dict[int, ca.SX] = {}
+    found, joint = dict[int, ca.SX](), dict[int, ca.SX]()
 
     def add(values: Iterable[_Pending]) -> None:
         found.update({a.margin.element_hash(): a.margin for a in values if a.margin is not None})
 
     def operation(code: Any, of: tuple[_Pending, ...]) -> _Pending:
-        arguments = [a.sx for a in of]
+        arguments, is_bent = [a.sx for a in of], any(a.is_bent for a in of)
         value, is_kink = applied(code, *arguments), not any(_is_guard(a) or is_soft(a) for a in arguments)
         is_comparison = code in (ca.OP_LT, ca.OP_LE)
         if is_comparison and any(a.is_constant() and math.isinf(float(a)) for a in arguments):
             return _Pending(value)  # whether a value is finite
         if code in _OF_MARGINS and all(a.is_condition for a in of):
-            return _Pending(value, _OF_MARGINS[code](*(a.margin for a in of)), True)
+            return _Pending(value, _OF_MARGINS[code](*(cast(ca.SX, a.margin) for a in of)), True, True)
         add(of)
+        if is_bent and code in _JOINING and not any(a.is_constant() for a in arguments if code == ca.OP_MUL):
+            joint[value.element_hash()] = value
         margin = _KINKS[code][1](*arguments) if code in _KINKS and is_kink else None
-        return _Pending(value, margin, is_comparison and is_kink)
+        return _Pending(value, margin, is_comparison and is_kink, is_bent or margin is not None)
 
     of_symbols = [_Pending(e) for e in ca.vertsplit(symbols)]
     for part in interpret(f, [of_symbols], operation, lambda number: _Pending(ca.SX(number))):
         add(part)
-    return ca.vertcat(ca.SX(0, 1), *found.values())
+    return ca.vertcat(ca.SX(0, 1), *found.values()), ca.vertcat(ca.SX(0, 1), *reversed(joint.values()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,8 +177,11 @@ class _Pending:
     sx: ca.SX
     margin: ca.SX | None = None
     is_condition: bool = False  # true where the margin is negative
+    is_bent: bool = False  # whether it contains a kink or a jump
 
 
+_JOINING = {ca.OP_MUL, ca.OP_FMIN, ca.OP_FMAX, ca.OP_IF_ELSE_ZERO}
+"""Operations that are 0, or the same, unless several conditions hold."""
 _OF_MARGINS: dict[Any, Callable[..., ca.SX]] = {ca.OP_AND: ca.fmax, ca.OP_OR: ca.fmin, ca.OP_NOT: lambda a: -a}
 """The margin of an operation on conditions, from their margins."""
 

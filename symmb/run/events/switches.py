@@ -129,10 +129,10 @@ def time_switches(dae: DAE, times: Array) -> TimeSwitches | None:
 
 
 def parameter_switches(dae: DAE, y: ca.Function) -> ca.Function | None:
-    """A Function p -> values (m,) that change their sign at kinks and jumps of parameters; None if there are none.
+    """Kinks and jumps of parameters in the equations of motion and in the outputs y, of values without time and state.
 
-    These are kinks and jumps in the equations of motion and in the outputs y, of values that do not depend on time or
-    on the state.
+    A Function p -> margins (m,), which change their sign at kinks and jumps, and values (k,) of products, minima and
+    maxima of several such values, see `margins`; None if there are none.
     """
     f = dae.remembered(_equations)
     if not any(has_kinks(each) for each in (f, dae.inertia, y)):
@@ -141,8 +141,8 @@ def parameter_switches(dae: DAE, y: ca.Function) -> ca.Function | None:
     inertia = dae.inertia(*dae.arguments(x, p, t), ca.DM([*range(1, dae.n_v + 1)])) if dae.n_v else ca.SX(0, 1)
     whole = ca.vertcat(f(x, p, t), ca.vec(inertia), ca.vec(y(x, p, t)))
     parts = ca.extract_parametric(whole, p)[2]
-    switches = margins(ca.Function("parts", [p], [ca.vertcat(ca.SX(0, 1), *parts)]), p)
-    return ca.Function("switches", [p], [switches]) if switches.numel() else None
+    switches, values = margins(ca.Function("parts", [p], [ca.vertcat(ca.SX(0, 1), *parts)]), p)
+    return ca.Function("switches", [p], [switches, values]) if switches.numel() else None
 
 
 def _branches(dae: DAE, _: Array) -> Branches:

@@ -63,7 +63,7 @@ class Formulation:
 
     @cached_property
     def parameter_switches(self) -> ca.Function | None:
-        """A Function p -> values (m,) that change sign at kinks and jumps of parameters; None if there are none."""
+        """Kinks and jumps of parameters alone; see `events.parameter_switches`."""
         return parameter_switches(self.dae, self.y)
 
     def pulses(self, times: Array) -> Pulses:

@@ -123,7 +123,7 @@ class DAESimulator(WithWarnings):
 
     @property
     def parameter_switches(self) -> ca.Function | None:
-        """The first switches of `Ensemble.reach`, as a Function of the sample; None if there are none."""
+        """Margins, the first switches of `Ensemble.reach`, and values, as a Function of a sample; None without them."""
         return self.formulation.parameter_switches
 
     def prepare(self) -> None:

@@ -134,7 +134,7 @@ class FigureSimulator(WithWarnings):
 
     @property
     def parameter_switches(self) -> ca.Function | None:
-        """The first switches of `Ensemble.reach`, as a Function of the sample; None if there are none."""
+        """Margins, the first switches of `Ensemble.reach`, and values, as a Function of a sample; None without them."""
         return self._with_rates.formulation.parameter_switches
 
     def prepare(self) -> None:
