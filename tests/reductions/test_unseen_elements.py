@@ -182,6 +182,22 @@ def test_forces_of_parameters_that_act_together_in_a_small_part(kind):
     assert kept is False or (kept is None and bounds.doubts)
 
 
+ODD = {
+    "its runs fail": (lambda p: ca.if_else(ca.fabs(p.u - 0.3) < 0.002, ca.sqrt(p.v - 2), 0.0), 6.5, 13.5),
+    "its margin is infinite": (lambda p: ca.if_else(p.u / ca.fmax(p.v - 2, 0) < 1, 5.0, 0.0), 7.5, 17.5),
+    "its margin is not a number": (lambda p: ca.if_else(ca.sqrt(p.u - 2) < 1, 5.0, 0.0), 6.5, 13.5),
+}
+"""Name -> law, lowest and highest force [N]. The second one acts if u is negative."""
+
+
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+@pytest.mark.parametrize("kind", ODD)
+def test_conditions_that_cannot_be_followed_leave_the_bounds(kind):
+    law, lowest, highest = ODD[kind]
+    bounds = mb.propagate(pushed_by(law))
+    assert_allclose([bounds.lower[-1, 0], bounds.upper[-1, 0]], [lowest / 2.1 / 2, highest / 1.9 / 2], rtol=2e-2)
+
+
 def test_conditions_that_hold_nowhere_take_no_run():
     bounds = mb.propagate(pushed("law", lambda p: p.u + p.v > 2.001))
     without = mb.propagate(pushed("law", lambda p: p.u > 2.0))

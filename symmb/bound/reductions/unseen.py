@@ -31,6 +31,7 @@ from symmb.bound.searches import direct_search
 from symmb.connect import Ensemble, Simulator, note_attained, run_blocks
 from symmb.declare.symbolic import batch
 from symmb.equations.model import Box
+from symmb.run.formulations import FAR
 from symmb.run.simulation import FigureSimulator, SceneSimulator
 
 _SLACK = 2.0
@@ -196,6 +197,8 @@ class _Search:
             else:
                 place = starts[0]
                 nearness(starts)
+                if not len(self._acting()):  # all runs fail
+                    continue
             axes = np.concatenate([np.eye(len(place)), -np.eye(len(place))])
             nearness(np.clip(place + (_RAYS[:, None, None] * axes).reshape(-1, len(place)), -1.0, 1.0))
             low, high = _around(self._acting(), _WIDER)
@@ -209,7 +212,7 @@ class _Search:
         It follows from the points and their ensemble, and for elements that parameters alone decide also from the
         points.
         """
-        if self._conditions is not None:
+        if self._conditions is not None and len(self._X):
             n, seen = self._n_conditions, self._by_parameters(self._X)[1]
             few = np.flatnonzero((self._distances[:, :n] <= 0).mean(axis=0) <= _FEW).tolist()
             ends = np.stack([seen.min(axis=0), seen.max(axis=0)])
@@ -233,7 +236,7 @@ class _Search:
         """Margins (N, m) and values (N, k) of conditions of parameters at points X (N, d)."""
         assert self._conditions is not None
         margins, values = batch(self._conditions, self._samples(X))
-        return [margins.reshape(len(X), -1), np.nan_to_num(values.reshape(len(X), -1))]
+        return [np.nan_to_num(own.reshape(len(X), -1), posinf=FAR, neginf=-FAR) for own in (margins, values)]
 
     def _acting(self) -> Array:
         """The places (n, d) of runs of the present search that reach the switch."""

@@ -29,6 +29,9 @@ NAMED_SAMPLES = 5
 NUMBERS_ON_CARD = 2**25
 """Largest number of numbers that a card sends for a block, which take 0.3 GB."""
 
+FAR = 1e100
+"""Distance from a switch of parameters in place of infinity. Its differences do not overflow."""
+
 
 def block_size(n_x: int, values: int, compiled: bool, keeps_trajectories: bool, on_card: bool = False) -> int:
     """Number of samples of a block, for n_x states and `values` output values of each sample. If the block is on a
@@ -81,7 +84,8 @@ def reach_of_parameters(form: Formulation, P: Array, ok: Mask) -> Array | None:
     such switches. See `Ensemble`."""
     if (switches := form.parameter_switches) is None:
         return None
-    values = np.where(ok[:, None], batch(switches, P)[0].reshape(len(P), -1), np.nan)
+    values = np.nan_to_num(batch(switches, P)[0].reshape(len(P), -1), posinf=FAR, neginf=-FAR)
+    values = np.where(ok[:, None], values, np.nan)
     return np.repeat(values[:, None], 2, axis=1)
 
 
