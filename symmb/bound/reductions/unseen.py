@@ -213,9 +213,9 @@ class _Search:
         points.
         """
         if self._conditions is not None and len(self._X):
-            n, seen = self._n_conditions, self._by_parameters(self._X)[1]
+            n, values_of_runs = self._n_conditions, self._by_parameters(self._X)[1]
             few = np.flatnonzero((self._distances[:, :n] <= 0).mean(axis=0) <= _FEW).tolist()
-            ends = np.stack([seen.min(axis=0), seen.max(axis=0)])
+            ends = np.stack([values_of_runs.min(axis=0), values_of_runs.max(axis=0)])
             least = np.ptp(ends, axis=0) + SAME * np.abs(ends).max(axis=0) + np.finfo(float).tiny
 
             def beyond(X: Array, j: int, end: int) -> Array:  # values that are far from those of the study
@@ -224,8 +224,8 @@ class _Search:
             def passed(X: Array, k: int) -> Array:
                 return -self._sides[k] * self._by_parameters(X)[0][:, k]
 
-            known = [partial(beyond, j=j, end=end) for j in range(seen.shape[1]) for end in (0, 1)]
-            for of_places in (*known, *(partial(passed, k=k) for k in few)):
+            of_values = [partial(beyond, j=j, end=end) for j in range(values_of_runs.shape[1]) for end in (0, 1)]
+            for of_places in (*of_values, *(partial(passed, k=k) for k in few)):
                 nearest = np.argsort(-of_places(self._X), kind="stable")[:_STARTS]
                 yield self._X[nearest], lambda X, _, of=of_places: of(X), of_places
         for k, place in self._within_reach():
@@ -249,10 +249,10 @@ class _Search:
 
     def _met_without_runs(self, nearness: Callable[[Array], Array], starts: Array) -> Array:
         """Places (n, d) where an element that parameters alone decide acts: the best one, and some others."""
-        spread = np.vstack([starts, Sobol().points(_LOOKS, starts.shape[1], seed=0)])
-        values = nearness(spread)
-        found = direct_search(nearness, spread[np.argsort(-values, kind="stable")[:_STARTS]], _LOOKS)
-        return np.vstack([found.place, spread[values >= 0][:_SPREAD]])[: _SPREAD * (found.value >= 0)]
+        candidates = np.vstack([starts, Sobol().points(_LOOKS, starts.shape[1], seed=0)])
+        values = nearness(candidates)
+        best = direct_search(nearness, candidates[np.argsort(-values, kind="stable")[:_STARTS]], _LOOKS)
+        return np.vstack([best.place, candidates[values >= 0][:_SPREAD]])[: _SPREAD * (best.value >= 0)]
 
     def _samples(self, X: Array) -> Array:
         """The samples (N, n_p) of points X (N, d) of the parameters that vary."""

@@ -145,10 +145,10 @@ def margins(f: ca.Function, symbols: ca.SX) -> tuple[ca.SX, ca.SX]:
     >>> margins(ca.Function("f", [x], [ca.fmax(x - 1, 0) * ca.fmax(2 - x, 0)]), x)[1]
     SX(@1=0, (fmax((x-1),@1)*fmax((2-x),@1)))
     """
-    found, joint = dict[int, ca.SX](), dict[int, ca.SX]()
+    single, joint = dict[int, ca.SX](), dict[int, ca.SX]()
 
     def add(values: Iterable[_Pending]) -> None:
-        found.update({a.margin.element_hash(): a.margin for a in values if a.margin is not None})
+        single.update({a.margin.element_hash(): a.margin for a in values if a.margin is not None})
 
     def operation(code: Any, of: tuple[_Pending, ...]) -> _Pending:
         arguments, is_bent = [a.sx for a in of], any(a.is_bent for a in of)
@@ -167,7 +167,7 @@ def margins(f: ca.Function, symbols: ca.SX) -> tuple[ca.SX, ca.SX]:
     of_symbols = [_Pending(e) for e in ca.vertsplit(symbols)]
     for part in interpret(f, [of_symbols], operation, lambda number: _Pending(ca.SX(number))):
         add(part)
-    return ca.vertcat(ca.SX(0, 1), *found.values()), ca.vertcat(ca.SX(0, 1), *reversed(joint.values()))
+    return ca.vertcat(ca.SX(0, 1), *single.values()), ca.vertcat(ca.SX(0, 1), *reversed(joint.values()))
 
 
 @dataclass(frozen=True, eq=False)
