@@ -31,6 +31,7 @@ MAX_STUDIES = 12
 _WIDER, _NARROWER = 1.6, 0.25
 """Largest and smallest factor of an optimisation step. The polynomials must be accurate in the box with the largest
 step."""
+_FAULT = "Runs fail with larger tolerances: {}"
 _FARTHER = 0.25, 0.8
 """Smallest and largest ratio of a factor to the next factor, while no run that violates a limit is known."""
 
@@ -50,7 +51,8 @@ class _Bracket:
     best : Bounds or None          bounds from the study at `low`
     undecided : tuple or None      factor and bounds of the first study that did not decide a limit
     why : str                      reason why the study at `high` is not valid; empty if runs show it
-    fault : str                    why runs fail at factors above `low`; empty if they reach a limit, or are not known
+    fault : str                    why runs have no value at factors above `low`, as a sentence; empty if they reach a
+                                   limit, or are not known
     """
 
     along: Array
@@ -118,7 +120,8 @@ class Search:
 
     def _margins(self, lower: Array, upper: Array) -> Array:
         """Margins (..., n_l) of bounds (..., n_l) of outputs with limits."""
-        return np.minimum(lower - self._low, self._high - upper)
+        above = np.subtract(self._high, upper, out=np.full(np.shape(upper), np.inf), where=self._high < np.inf)
+        return np.minimum(lower - self._low, above)
 
     def _box(self, factors: Array) -> Box:
         factors = np.minimum(factors, self._most)  # otherwise rounding may change the sign of an end at 0
@@ -155,12 +158,12 @@ class Search:
     def _margin(self, factors: Array, places: Array) -> float:
         """The smallest margin of runs at points (n, d) of a box, relative to the margin of the nominal run.
 
-        The margin is -inf if a run fails.
+        The margin is -inf if a run fails, or if an event that must happen never happens.
         """
         P = parameter_samples(self._simulator, self._box(factors), places)
         self.evaluations += len(P)
         shares = self._margins(*self._extremes(P)) / self._at_nominal
-        return float(np.nan_to_num(shares, nan=-np.inf).min())
+        return float(np.where(np.isnan(shares), -np.inf, shares).min())
 
     def _met(self, ray: _Bracket) -> tuple[float, bool]:
         """The factor between `low` and `high` at which runs reach a limit, and whether runs fail at larger factors.
@@ -227,7 +230,7 @@ class Search:
                 where = "Larger tolerances may also satisfy the limits"
             self.remarks = (f"{where}: {why}{beyond}",)
         elif ray.fault and ray.low < ray.most:
-            self.remarks = (f"Runs fail with larger tolerances: {ray.fault}",)
+            self.remarks = (ray.fault,)
         return np.minimum(ray.low * along, self._most), ray.best
 
     def idle(self, bounds: Bounds) -> Mask:
@@ -249,7 +252,7 @@ class Search:
             check = self._check(bounds)
         except PropagationError as error:  # too many runs fail
             lines = [line.strip() for line in str(error).splitlines()]
-            ray.high, ray.why, ray.fault = s, lines[0], lines[-1]
+            ray.high, ray.why, ray.fault = s, lines[0], _FAULT.format(lines[-1])
             return (ray.low + s) / 2
         if self._idle is None:
             self._idle = self.idle(bounds)
@@ -271,7 +274,9 @@ class Search:
         ray.reach, is_failed = self._met(ray)
         ray.why = ray.why if is_failed or ray.reach == ray.high else ""
         if check.kept is not True:
-            ray.fault = str(bounds.failed[0]) if is_failed and bounds.failed else ""
+            ray.fault = _FAULT.format(bounds.failed[0]) if is_failed and bounds.failed else ""
+            if check.worst is not None and np.isinf(check.worst.value):
+                ray.fault = f"With larger tolerances, {check.worst}."
         ray.violation = ray.violation if ray.why else min(ray.violation, ray.reach)
         if ray.reach == np.inf:
             # No run that violates a limit is known. The next factor is up to twice as far as linear margins allow.

@@ -124,9 +124,10 @@ def _attained_or_estimated(
     """
     lowest, highest = runs.extremes
     evidence = estimated.evidence.at_least("beyond", runs.beyond(estimated.lower, estimated.upper))
-    below = above = False
+    below = above = is_lost = np.zeros(lowest.shape, dtype=bool)
     if estimated.places is not None:
         below, above = near_lost = runs.is_near_lost(estimated.places)
+        is_lost = below | above
         predicted = np.stack([lowest - estimated.lower, estimated.upper - highest])
         unknown = evidence.error + np.maximum(predicted, UNKNOWN_SHARE * (highest - lowest))
         evidence = evidence.at_least("failed runs", np.where(near_lost, unknown, 0.0).max(axis=0))
@@ -137,6 +138,8 @@ def _attained_or_estimated(
     evidence = evidence.attributed(highest == lowest, "exact")
     unresolved = is_noise | (evidence.error > highest - lowest)
     unresolved[:, waves] = is_noise[waves]
+    # Such polynomials are far off. Their errors do not say how far the extremes of runs are off.
+    evidence = evidence.limited(np.where(unresolved & ~is_lost, (highest - lowest).max(axis=0), np.inf))
     lower = np.where(unresolved | below, lowest, np.minimum(estimated.lower, lowest))
     upper = np.where(unresolved | above, highest, np.maximum(estimated.upper, highest))
     return lower, upper, evidence

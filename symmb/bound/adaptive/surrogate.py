@@ -53,6 +53,10 @@ class Evidence:
         rules[is_other] = _NUMBERS[rule]
         return Evidence(np.where(is_other, error, self.error), rules)
 
+    def limited(self, most: Array) -> "Evidence":
+        """Errors that are at most (n_t, n_y), by the same rules."""
+        return Evidence(np.minimum(self.error, most), self.rule)
+
     def plus(self, rule: str, error: Array) -> "Evidence":
         """Errors that are larger by those of another rule, which decides if its errors are the larger part."""
         return Evidence(self.error + error, self._where(self.error < error, rule, error).rule)

@@ -31,7 +31,8 @@ _MANY, _LEAST_PARTS = 1000, 4
 class Extremes:
     """A function: samples P (N, d) -> lowest and highest values over time (2, N, n) of n outputs, nan in failed runs.
 
-    For scenes, the values between output times count as well. Other simulators have values at output times only.
+    For scenes, the values between output times count as well. Other simulators have values at output times only. If a
+    condition never holds, `first_time` is infinite, and the lowest value of `value_at` is inf, the highest one -inf.
     """
 
     def __init__(self, simulator: Simulator, names: Sequence[str], executor: Executor | None = None) -> None:
@@ -43,14 +44,29 @@ class Extremes:
     def __call__(self, P: Array) -> Array:
         if self._peaks is not None:
             return _lowest_and_highest(self._peaks, P, self._executor)
-        Y = gathered(self._simulator, P, self._executor)[0][:, :, self._columns]
-        return np.stack([Y.min(axis=1), Y.max(axis=1)])
+        lowest, highest = _with_absences(self._simulator, P, self._executor)
+        return np.stack([lowest.min(axis=1), highest.max(axis=1)])[..., self._columns]
 
 
 def _lowest_and_highest(peaks: FigureSimulator, P: Array, executor: Executor | None) -> Array:
     """Lowest and highest values (2, N, n) of samples P (N, d), from the outputs of `FigureSimulator.of_peaks`."""
-    Y, _ = gathered(peaks, P, executor)
-    return np.moveaxis(Y[:, 0].reshape(len(P), -1, 2), 2, 0)
+    lowest, highest = _with_absences(peaks, P, executor)
+    return np.stack([lowest[:, 0, ::2], highest[:, 0, 1::2]])
+
+
+def _with_absences(simulator: Simulator, P: Array, executor: Executor | None) -> Array:
+    """Lowest and highest values (2, N, n_t, n_y) of samples P (N, d), which differ only where conditions never hold."""
+    if not isinstance(simulator, FigureSimulator) or not simulator.ends:
+        return np.stack(2 * [gathered(simulator, P, executor)[0]])
+    Y, bad = gathered(simulator.continued(()), P, executor)
+    never = np.zeros((len(P), len(simulator.outputs)), dtype=bool)
+    for i, _, message in bad:
+        never[i] = [never_holds(name) in message for name in simulator.outputs]
+    if (rows := never.any(axis=1)).any():
+        Y[rows] = gathered(simulator.continued(), P[rows], executor)[0]
+    is_value = [simulator.ends.get(name, 0.0) is None for name in simulator.outputs]
+    low, high = (np.where(never[:, None], end, Y) for end in (np.inf, np.where(is_value, -np.inf, np.inf)))
+    return np.stack([low, high])
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,9 +20,8 @@ from symmb.bound.responses import (
     first_points,
     gathered,
     parameter_samples,
-    rms,
-    tolerance_remark,
     which_failed,
+    with_tolerance_remark,
 )
 from symmb.connect import note_attained
 from symmb.equations.model import Box
@@ -88,11 +87,9 @@ def _constrained(study: Reduced, whole: Bounds) -> Bounds:
     told = f"{counted(len(P), 'run')} at extremes of the polynomials over the allowed points checked the bounds."
     lower, upper = np.minimum(lower, inner[0]), np.maximum(upper, inner[1])
     estimate = np.maximum(whole.surrogate.error, missed) + search
-    remarks, tolerance, width = [*whole.remarks, told], getattr(method, "tolerance", np.inf), rms(upper - lower)
+    remarks, tolerance = (*whole.remarks, told), getattr(method, "tolerance", np.inf)
     if getattr(method, "order", None) is None:  # the allowed points have a smaller width than the box
-        errors = np.divide(rms(estimate), width, out=np.zeros_like(width), where=width > 0)
-        short = tolerance_remark(whole.names, tolerance, errors)
-        remarks = [*(each for each in remarks if "was not reached" not in each), *filter(None, [short])]
+        remarks = with_tolerance_remark(remarks, whole.names, tolerance, estimate, upper - lower)
     return replace(
         whole,
         lower=lower,
@@ -106,7 +103,7 @@ def _constrained(study: Reduced, whole: Bounds) -> Bounds:
         surrogate=None,
         range_of="",
         run_doubts=(*whole.run_doubts, *([few] if len(points) < FEW else [])),
-        remarks=tuple(remarks),
+        remarks=remarks,
         **details,
     )
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from symmb._types import Array, Indices
 from symmb.bound.answers import Bounds
-from symmb.bound.responses import SIDES, AttainingRuns
+from symmb.bound.responses import SIDES, AttainingRuns, Trace
 
 
 def hull_of(parts: Sequence[Bounds]) -> Bounds:
@@ -19,6 +19,7 @@ def hull_of(parts: Sequence[Bounds]) -> Bounds:
     low, high = _hull([part.outer for part in parts])
     inner = [part.inner for part in parts if part.inner is not None]
     noise = [part.noise for part in parts if part.noise is not None]
+    traced = [(part.trace, part.estimate) for part in parts if part.trace is not None and part.estimate is not None]
     return replace(
         parts[0],
         lower=lower,
@@ -31,6 +32,7 @@ def hull_of(parts: Sequence[Bounds]) -> Bounds:
         failed=tuple(run for part in parts for run in part.failed),
         caution=next((part.caution for part in parts if part.caution), ""),
         nominal=next((part.nominal for part in parts if part.nominal is not None), None),
+        trace=Trace.joined(*zip(*traced, strict=True)) if parts[0].trace is not None else None,
         attaining=_attaining([part.attaining for part in parts]),
     )
 

@@ -26,7 +26,14 @@ from symmb.bound.polynomials import TotalDegree, basis_values
 from symmb.bound.polynomials.ranges import attained_extremes
 from symmb.bound.reductions.absences import bounds_with_absences, with_never
 from symmb.bound.reductions.hull import distance, hull_of
-from symmb.bound.responses import DOUBTFUL, FINE, RunsOverBox, parameter_columns, parameter_samples
+from symmb.bound.responses import (
+    DOUBTFUL,
+    FINE,
+    RunsOverBox,
+    parameter_columns,
+    parameter_samples,
+    with_tolerance_remark,
+)
 from symmb.bound.searches import direct_search
 from symmb.connect import Ensemble, Simulator, note_attained, run_blocks
 from symmb.declare.symbolic import batch
@@ -94,7 +101,7 @@ def bounds_with_unseen(method: Method, runs: RunsOverBox) -> Bounds:
             parts[0] = replace(found, run_doubts=(*found.run_doubts, doubt))
         else:
             told.append(f"{where} {counted(parts[-1].evaluations, 'further run')} bound this part.")
-    return _joined(parts, told)
+    return _joined(parts, told, method.tolerance)
 
 
 def _words(part: Box, box: Box) -> str:
@@ -124,7 +131,7 @@ def _of_events(seen: Bounds, found: Bounds, simulator: Simulator) -> Bounds:
     return replace(seen, lower=lower, upper=upper, inner=(lower, upper), attaining=attaining)
 
 
-def _joined(parts: list[Bounds], remarks: list[str]) -> Bounds:
+def _joined(parts: list[Bounds], remarks: list[str], tolerance: float) -> Bounds:
     """The bounds over the whole box, from its study, from further runs, and from studies of parts of the box."""
     whole, _, *others = parts
     studies = hull_of([whole, *others])
@@ -133,8 +140,12 @@ def _joined(parts: list[Bounds], remarks: list[str]) -> Bounds:
     if result.estimate is not None:  # runs of the search beyond the studies show an error of these
         beyond = np.maximum(distance(studies.lower, result.lower), distance(result.upper, studies.upper))
         beyond = np.where(np.isfinite(beyond), beyond, 0.0)
-        result = replace(result, estimate=np.maximum(result.estimate, beyond))
-        is_off = np.greater(beyond, DOUBTFUL * distance(result.upper, result.lower)).any(axis=0)
+        error, width = np.maximum(result.estimate, beyond), distance(result.upper, result.lower)
+        trace = result.trace and result.trace.decided(beyond > result.estimate, "beyond")
+        result = replace(result, estimate=error, trace=trace)
+        told = with_tolerance_remark(result.remarks, result.names, tolerance, error, width)
+        result = replace(result, remarks=told)
+        is_off = np.greater(beyond, DOUBTFUL * width).any(axis=0)
         if names := np.array(result.names)[is_off].tolist():
             text = f"Runs of a search are beyond the studies of {', '.join(names)}. Others may be as well."
             result = replace(result, run_doubts=(*result.run_doubts, Doubt(text, names)))

@@ -36,5 +36,14 @@ from symmb.bound.responses.time_windows import (
     rests_for_a_time,
     rms,
 )
-from symmb.bound.responses.trace import ENDED, RULES, STALLED, USED_UP, Rounds, Trace, tolerance_remark
+from symmb.bound.responses.trace import (
+    ENDED,
+    RULES,
+    STALLED,
+    USED_UP,
+    Rounds,
+    Trace,
+    tolerance_remark,
+    with_tolerance_remark,
+)
 from symmb.bound.responses.worst_case import SIDES, AttainingRuns, Place, Sample, Worst, WorstCase, row_of, worst_rows

@@ -1,7 +1,7 @@
 """How an adaptive study came to its errors: its rounds, and the rule that decides each estimated error."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -10,7 +10,8 @@ from symmb import _html as html
 from symmb._names import counted
 from symmb._options import optional_package
 from symmb._table import aligned, apart
-from symmb._types import Array, Indices
+from symmb._types import Array, Indices, Mask
+from symmb.bound.responses.time_windows import rms
 from symmb.results.files import Record
 
 if TYPE_CHECKING:
@@ -42,6 +43,21 @@ def tolerance_remark(outputs: Sequence[str], tolerance: float, errors: Array) ->
     return (
         f"The tolerance {asked} of the method was not reached: the estimated error of {name} is {told} times its width."
     )
+
+
+def with_tolerance_remark(
+    remarks: Sequence[str], outputs: Sequence[str], tolerance: float, estimate: Array, width: Array
+) -> tuple[str, ...]:
+    """Remarks with that on the tolerance for new errors and widths (n_t, n_y), in place of an earlier one."""
+    error, size = rms(estimate), rms(width)
+    errors = np.divide(error, size, out=np.zeros_like(size), where=(size > 0) & np.isfinite(size))
+    short, before = (
+        tolerance_remark(outputs, tolerance, errors),
+        [each for each in remarks if "was not reached" in each],
+    )
+    if short and any(USED_UP in each for each in before):
+        short = f"{short} {USED_UP}"
+    return (*(each for each in remarks if each not in before), *filter(None, [short]))
 
 
 USED_UP = "Its runs or its time were used up."
@@ -132,6 +148,18 @@ class Trace(Sequence[Step]):
 
     steps: tuple[Step, ...]
     rules: Indices
+
+    @classmethod
+    def joined(cls, traces: Sequence["Trace"], errors: Sequence[Array]) -> "Trace":
+        """The rounds of several studies one after the other. The largest of their errors (n_t, n_y) has its rule."""
+        steps = [step for trace in traces for step in trace.steps]
+        largest = np.argmax(np.nan_to_num(errors), axis=0)[None]
+        rules = np.take_along_axis(np.stack([trace.rules for trace in traces]), largest, axis=0)[0]
+        return cls(tuple(replace(step, round=k) for k, step in enumerate(steps, 1)), rules)
+
+    def decided(self, which: Mask, rule: str) -> "Trace":
+        """The same rounds. Another rule decides the errors that a mask (n_t, n_y) selects."""
+        return replace(self, rules=np.where(which, (*RULES,).index(rule), self.rules))
 
     def __len__(self) -> int:
         return len(self.steps)

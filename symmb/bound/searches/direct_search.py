@@ -12,6 +12,9 @@ STARTS, LATE_STARTS = 4, 2
 STEPS, LEAST_STEPS = (2.0, 0.5, 0.12, 0.03, 0.008), 3
 """Lengths of the steps, and number of first steps that are always made. The first steps lead from a corner to its
 neighbours. Shorter steps follow only if their gain may be relevant."""
+EDGE_STEPS = tuple(0.008 * 0.1**k for k in range(1, 8))
+"""Further steps if there are no values beside the best place. Values often change like a square root at such an edge,
+so that the gain of longer steps does not show how much shorter ones gain."""
 LINE_POINTS = 17
 """Number of points of a line search along an axis. For one period of a sine, these points find extremes within 0.06."""
 
@@ -33,8 +36,8 @@ def direct_search(f: Callable[[Array], Array], starts: Array, most: int, enough:
 
     A poll evaluates points one step away in both directions along each axis, or along random orthogonal directions. A
     poll also evaluates the point that parabolas through these values predict. If neither axes nor random directions
-    give a gain, the step becomes shorter. (Audet and Dennis 2006, Mesh adaptive direct search algorithms for
-    constrained optimization)
+    give a gain, the step becomes shorter. Steps become shorter than usual beside a region without values. (Audet and
+    Dennis 2006, Mesh adaptive direct search algorithms for constrained optimization)
 
     Parameters
     ----------
@@ -47,9 +50,9 @@ def direct_search(f: Callable[[Array], Array], starts: Array, most: int, enough:
     # A step is repeated if its gain exceeds this fraction of the range of values at the starts. Smaller fractions
     # require more runs.
     sufficient = 1e-4 * float(np.ptp([value for value in values.known.values() if value > -np.inf] or [0.0]))
-    error = np.inf
-    for i, step in enumerate(STEPS):
-        if i >= LEAST_STEPS and fx[0] + error < enough:
+    error, is_at_edge = np.inf, False
+    for i, step in enumerate((*STEPS, *EDGE_STEPS)):
+        if not is_at_edge and (i >= len(STEPS) or (i >= LEAST_STEPS and fx[0] + error < enough)):
             break
         number = STARTS if step == STEPS[0] else LATE_STARTS
         x, fx = x[:number], fx[:number]
@@ -62,6 +65,7 @@ def direct_search(f: Callable[[Array], Array], starts: Array, most: int, enough:
             basis = np.eye(d) if is_axial else np.linalg.qr(rng.normal(size=(d, d)))[0]
             points = _poll(values, x, fx, step, basis)
             reached = values(points)
+            is_at_edge = bool(np.isinf(reached[0]).any())
             row, before, each = reached.argmax(axis=1), fx[0], np.arange(len(x))
             x, fx = _best(points[each, row], reached[each, row], len(x))
             has_gained = fx[0] > before + sufficient
