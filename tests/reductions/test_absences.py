@@ -154,3 +154,36 @@ def test_comparisons_and_largest_boxes_contain_events_that_do_not_come():
     found = mb.tolerances(scene, {"high": (None, 0.6)})
     lowest = found.box["speed"][0]
     assert lowest == pytest.approx(np.sqrt(2 * G * 0.2), rel=2e-2) and lowest >= np.sqrt(2 * G * 0.2)
+
+
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+def test_tolerances_name_an_event_that_would_never_happen():
+    scene = thrown(outputs_at(0.12))
+    found = mb.tolerances(scene, {"high": (None, 0.5)})
+    least = np.sqrt(2 * G * 0.12)  # the speed at which the ball just reaches the height
+    assert found.factor == pytest.approx((2.0 - least) / 0.5, rel=5e-3)
+    assert found.binding is None and "With larger tolerances, high never happens: speed = " in str(found)
+    late = mb.tolerances(scene, {"high": (0.05, None)})  # never is above all lower limits
+    fastest = (0.12 + G * 0.05**2 / 2) / 0.05
+    assert late.factor == pytest.approx((fastest - 2.0) / 0.5, rel=5e-3)
+
+
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+def test_a_value_that_does_not_exist_satisfies_all_limits():
+    """The extreme is at the edge of the region in which the value exists, where it changes like a square root."""
+    latest = np.sqrt(2 * 0.2 / G)
+    scene = thrown(outputs_at(0.2))
+    limit = 3.8 * latest
+    found = mb.tolerances(scene, {"far": (None, limit)})
+    assert 0.9 * (3.8 - 3.0) / 0.5 < found.factor <= (3.8 - 3.0) / 0.5 * (1 + 1e-4)
+    bounds = bounds_of(scene)
+    assert bounds.check({"far": (None, 0.99 * 3.5 * latest)})["far"].kept is not True
+
+
+def test_the_nominal_run_of_a_file_keeps_events_that_never_happen(tmp_path):
+    bounds = bounds_of(thrown(outputs_at(0.25)))
+    for name in ("bounds.json", "bounds.npz"):
+        bounds.save(tmp_path / name)
+        loaded = mb.Bounds.load(tmp_path / name)
+        np.testing.assert_array_equal(loaded.nominal, bounds.nominal)
+        assert str(loaded.check({"high": (None, 0.5)})) == str(bounds.check({"high": (None, 0.5)}))

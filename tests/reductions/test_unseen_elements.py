@@ -159,6 +159,19 @@ def test_conditions_of_parameters_that_hold_in_a_small_part(kind, where):
     assert bounds.lower[-1, 0] == pytest.approx(6.5 / 2.1 / 2, rel=5e-3)
 
 
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+def test_the_reason_of_an_error_is_that_of_the_part_with_the_largest_error(tmp_path):
+    bounds = mb.propagate(pushed("law", CONDITIONS["a corner"]))
+    assert [step.round for step in bounds.trace] == [*range(1, len(bounds.trace) + 1)]
+    assert sum(step.request == bounds.trace[0].request for step in bounds.trace) == 2  # both studies begin alike
+    bounds.save(tmp_path / "bounds.json")
+    assert mb.Bounds.load(tmp_path / "bounds.json").why("x", 1.0) == bounds.why("x", 1.0)
+    size = [float(np.sqrt(np.square(each).mean())) for each in (bounds.estimate, bounds.upper - bounds.lower)]
+    told = [remark for remark in bounds.remarks if "was not reached" in remark]
+    assert (size[0] > 0.01 * size[1]) == bool(told)
+    assert all(f"{size[0] / size[1]:.2g} times its width" in remark for remark in told)
+
+
 def hat(x, centre):
     return ca.fmax(1 - ca.fabs(x - centre) / 0.14, 0)
 

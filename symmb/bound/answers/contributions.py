@@ -135,7 +135,8 @@ class Contributions(Result, Saved):
         has_times = time_text(self.t, i, self.width[:, k]) != ""
         name = told_names(self.names, self.units)[k]
         title = f"{name}{at_time(self.t, i)}" if has_times else name
-        rows = [[title, "alone", "±", "saved", "±", f"of width {width:.4g}", "first", "total"]]
+        of = f"of width {width:.4g}" if np.isfinite(width) else "of infinite width"
+        rows = [[title, "alone", "±", "saved", "±", of, "first", "total"]]
         for p in np.argsort(-self.alone[i, k], kind="stable"):
             share = (
                 f"{self.alone[i, k, p] / width:.1%} / {self.saved[i, k, p] / width:.1%}" if 0 < width < np.inf else "–"

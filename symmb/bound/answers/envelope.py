@@ -10,7 +10,7 @@ from symmb._errors import WithWarnings
 from symmb._magnitudes import SAME
 from symmb._options import require_name, require_positive
 from symmb._types import Array, Figure
-from symmb.bound.answers.result_file import INNER, Kind, box_of, kind_of
+from symmb.bound.answers.result_file import INNER, Kind, box_of, kind_of, nominal_of
 from symmb.bound.polynomials import Expansion
 from symmb.bound.polynomials.ranges import Piecewise
 from symmb.bound.responses import (
@@ -56,7 +56,7 @@ class Envelope(WithWarnings):
     range_of: str = ""
     subject: str = ""
     solver: str = ""
-    nominal: Array | None = field(default=None, metadata=entry(Record.with_nan, "t", "names"))
+    nominal: Array | None = field(default=None, metadata=entry(nominal_of, "t", "names"))
     nominal_parameters: Mapping[str, float] = field(default_factory=dict)
     attaining: AttainingRuns | None = field(default=None, metadata=NOT_KEPT)
     worst_cases: tuple[WorstCase, ...] = field(default=(), metadata=NOT_KEPT)

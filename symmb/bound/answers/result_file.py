@@ -115,6 +115,15 @@ def kind_of(record: Record, name: str) -> Kind:
     return cast(Kind, record.text(name, *MEANING))
 
 
+def nominal_of(record: Record, name: str, *shape: int | None) -> Array:
+    """The nominal outputs (n_t, n_y) of a file. JSON has no infinite numbers, such as the time of an absent event.
+
+    Only the upper bounds of such outputs are infinite.
+    """
+    values, (lower, upper) = record.with_nan(name, *shape), record.pair("lower", *shape)
+    return np.where(np.isnan(values) & np.isinf(upper) & np.isfinite(lower), np.inf, values)
+
+
 def _expansion(record: Record, n_t: int, n_y: int, names: tuple[str, ...] | None = None) -> Expansion:
     parameters = record.names("parameters") if names is None else names
     alpha = record.size("alpha", None, len(parameters))
