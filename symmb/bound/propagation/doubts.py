@@ -1,6 +1,5 @@
 """Warnings about bounds, for studies and for comparisons of methods."""
 
-import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
@@ -41,14 +40,14 @@ def doubts_of_runs(simulator: Simulator, bounds: Bounds) -> Told:
     remarks = _outside_nominal_values(simulator, box)
     if bounds.kind != "enclosure":
         own, more = _second_look(simulator, box, bounds)
-        own = (*own, *_linear_theory_doubts(simulator, box, bounds.seconds))
+        own = (*own, *_linear_theory_doubts(simulator, box, bounds))
         doubts = (*doubts, *own, *_pulse_doubts(simulator, box), *_noise_doubts(simulator, bounds))
         sampling = [simulator.remark] if isinstance(simulator, RandomSimulator) else []
         remarks = [*remarks, *more, *_without_effect(simulator, box, bounds), *filter(None, sampling)]
     elif isinstance(simulator, DAESimulator):
         # A proof makes no runs, so errors of the solver do not concern it.
         doubts = (*doubts, *simulator.start.doubts, *_nominal_doubts(simulator))
-        doubts = (*doubts, *_linear_theory_doubts(simulator, box, bounds.seconds))
+        doubts = (*doubts, *_linear_theory_doubts(simulator, box, bounds))
     return doubts, remarks
 
 
@@ -144,7 +143,7 @@ def idle_parameters(
 def _second_look(simulator: Simulator, box: Box, bounds: Bounds) -> tuple[tuple[str, ...], list[str]]:
     """Warnings and remarks from the nominal run and a run at a corner. Both runs are repeated by a second method.
 
-    There is no run at a corner if the nominal run has warnings, or took over a second longer than the study.
+    There is no run at a corner if the nominal run has warnings, or took much longer than the study.
     """
     if isinstance(simulator, SecondLook):
         simulator.second_look()
@@ -160,9 +159,8 @@ def _second_look(simulator: Simulator, box: Box, bounds: Bounds) -> tuple[tuple[
     widths = (upper - lower).max(axis=0)
     if beside and (beside_widths := _doubts_of_widths(motion, motion.dae.p_nominal, widths)):
         return (*own, *beside_widths), remarks
-    if first.seconds > bounds.seconds + _SECONDS_BEYOND_STUDY:
-        left_out = f"No run at a corner was checked by a second method, because a run takes {first.seconds:.0f} s."
-        return own, [*remarks, left_out]
+    if not motion.ways.most(motion.dae.p_nominal, _OPERATIONS, bounds.evaluations):
+        return own, [*remarks, "No run at a corner was checked by a second method, because such a run takes too long."]
     signs = np.where(np.arange(len(box)) % 2 == 0, 1.0, -1.0)  # unequal ends, because equal ones may keep a symmetry
     p = parameter_samples(simulator, box, signs[None])[0]
     corner = motion.ways.two(p)
@@ -180,23 +178,19 @@ def _doubts_of_widths(simulator: DAESimulator, p: Array, widths: Array) -> tuple
     return simulator.ways.two(p, finest=True).doubts_of_widths(widths)
 
 
-def _linear_theory_doubts(simulator: Simulator, box: Box, seconds: float) -> tuple[str, ...]:
+def _linear_theory_doubts(simulator: Simulator, box: Box, bounds: Bounds) -> tuple[str, ...]:
     """Warnings that flexible bodies deform too much for linear theory at corners of the box.
 
-    If the nominal run has this warning, corners are not checked. No run starts if runs have taken over a second longer
-    than the study.
+    If the nominal run has this warning, corners are not checked. Fewer corners are checked if runs take long.
     """
     motion = motion_of(simulator)
     if motion is None or motion.ways.flexible is None or _nominal_doubts(motion):
         return ()
-    end = time.perf_counter() + seconds + _SECONDS_BEYOND_STUDY
-    d = len(box)
+    d, most = len(box), motion.ways.most(motion.dae.p_nominal, _OPERATIONS, bounds.evaluations)
     # Largest number of parameters for checks of flexible bodies at all corners. Above it, two corners are checked.
     unit = corners(d) if d <= 3 else np.repeat([[-1.0], [1.0]], d, axis=1)
-    for p in parameter_samples(simulator, box, unit):
+    for p in parameter_samples(simulator, box, unit[:most]):
         where = values_text(simulator.parameters, p, units_of_parameters(simulator.parameters))
-        if time.perf_counter() > end:
-            break
         if doubts := motion.ways.theory_doubts(p):
             return tuple(f"At {where}: {doubt}" for doubt in doubts)
     return ()
@@ -238,7 +232,7 @@ def _noise_doubts(simulator: Simulator, bounds: Bounds) -> tuple[str, ...]:
     return (Doubt(text, names),) if names else ()
 
 
-_SECONDS_BEYOND_STUDY = 1.0
-"""Time [s] that a check by a second method may take longer than the study."""
+_OPERATIONS = 1e9
+"""Number of operations that checks by a second method may take in addition to those of the study: about a second."""
 _EQUAL_PAIRS = 4
 """Number of pairs of runs, spread over the box, that must be equal if a parameter has no effect."""

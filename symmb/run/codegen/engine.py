@@ -93,6 +93,8 @@ MOST_PASSES = 1000
 """Maximum number of recorded passes of switches of a sample. Other solvers end their steps only at recorded passes."""
 
 
+_STAGES = 6
+"""Number of evaluations of a model in a step of the pair of Dormand and Prince."""
 _DATA: dict[str, Array] = {}
 """Name of pieces, which identifies their values -> these values. Open libraries read the arrays until Python ends."""
 
@@ -176,6 +178,11 @@ class Engine:
     lanes : Lanes
     times : (n_t,) array
         output times [s]
+
+    Attributes
+    ----------
+    operations : int
+        number of operations of a step
     """
 
     use: Use = "lanes"
@@ -189,6 +196,7 @@ class Engine:
         self.times = np.ascontiguousarray(times, dtype=float)
         self.newton = scheme.newton if scheme else 0.0
         self.counts, self.most_steps = Counts(), MOST_STEPS
+        self.operations = f.n_instructions() * (1 if scheme else _STAGES)
         tableau = CLASSICAL if isinstance(lanes.control, FixedStep) else None
         self.source = source_of(f, scheme or tableau, lanes.ends.hysteresis, lanes.contacts, self.use)
         self._pieces = {entry.pieces.name: entry.pieces.data for call in called(f).values() for entry in call if entry}

@@ -45,6 +45,9 @@ _LONG = 10_000
 equations. The rows of a robot arm with 25,000 operations take a minute: `tests/benchmarks/real_robots.py` has such
 arms."""
 
+INTERPRETED = 20
+"""Time of an operation of CasADi's interpreter, over that of an operation in compiled C."""
+
 
 class _Compiled:
     """The compiled parts of programs with the same equations, solver and times, and the time of compilation [s]."""
@@ -148,6 +151,19 @@ class Program:
             return solver.engine(Task(form.dae, self.times, y, order, start=start), card)
 
         return self.compiled.get(("engine", order), make)
+
+    def operations(self, integration: Integration | None = None) -> float:
+        """Number of operations of the last run of an integration; default: of `runs`. Those of CasADi's interpreter
+        count INTERPRETED times."""
+        if integration is None and self.runs_in_lanes:
+            return self.engine().counts.steps * self.engine().operations
+        integration = integration or self.integration()
+        engine, counts = getattr(integration, "engine", None), integration.statistics()
+        if engine is not None:
+            return engine.counts.steps * engine.operations
+        dae = self.formulation.dae
+        linear = (dae.n_q + dae.n_v + dae.n_s) ** 2  # of an implicit solver
+        return INTERPRETED * counts.get("evaluations", 0) * (dae.rhs.n_instructions() + linear)
 
     def single(self) -> tuple[Integration, Array, Indices]:
         """The integration of one run with its work, its times (m,), and the indices (n_t,) of the output times.

@@ -119,14 +119,14 @@ class CompiledIntegration(Integration):
         n_x, n_p = (dae.n_q + dae.n_v + dae.n_s) * (order + 1), len(dae.p_names) * (2 if order else 1)
         x, p, t = ca.SX.sym("x", n_x), ca.SX.sym("p", n_p), ca.SX.sym("t")
         states = ca.Function("states", [x, p, t], [sampled_jets(dae, x, p, t, order)])
-        self._engine = solver.engine(Task(dae, times, states, order, work))
-        self.times, self.n_x, self.n_quad = times, n_x, self._engine.n_y - n_x
+        self.engine = solver.engine(Task(dae, times, states, order, work))
+        self.times, self.n_x, self.n_quad = times, n_x, self.engine.n_y - n_x
         self._fixed_steps = fixed_steps
 
     def run(self, x0: Array, p: Array, threads: int = 1) -> list[Run]:
         x0 = np.hstack([x0, np.zeros((len(x0), self.n_quad))])
         try:
-            Y, failed_samples = self._engine.values(x0, p, threads)
+            Y, failed_samples = self.engine.values(x0, p, threads)
         except KeyboardInterrupt as interrupt:
             runs = [Run(y[:, : self.n_x], y[:, self.n_x :], message="interrupted") for y in runs_of(interrupt)]
             carry_runs(interrupt, runs)
@@ -135,7 +135,7 @@ class CompiledIntegration(Integration):
             Run(y[:, : self.n_x], y[:, self.n_x :], t, "" if np.isnan(t) else why)
             for y, t, why in zip(Y, failed_samples.t_failed.tolist(), failed_samples.reasons, strict=True)
         ]
-        if (contacts := self._engine.contacts) is not None:
+        if (contacts := self.engine.contacts) is not None:
             events = events_of(failed_samples.events, contacts, len(p))
             runs = [replace(run, events=own) for run, own in zip(runs, events, strict=True)]
         if (passes := failed_samples.passes) is None:
@@ -148,7 +148,7 @@ class CompiledIntegration(Integration):
         yield from self._fixed_steps().march(x0, p)
 
     def statistics(self) -> dict[str, int]:
-        counts = self._engine.counts
+        counts = self.engine.counts
         named = {"steps": counts.steps, "nonlinear iterations": counts.iterations, "most in a step": counts.most}
         named["choices of coordinates"] = counts.choices
         return {name: count for name, count in named.items() if count}

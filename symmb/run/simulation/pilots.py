@@ -42,7 +42,6 @@ _NEIGHBOURS, _NEIGHBOUR_DISTANCE = 7, 1e-3
 TOO_FAST = "a part of the motion decays too fast for explicit steps"
 MANY = 20_000
 """Number of steps of a run. If a run needs more, an implicit solver may be faster."""
-
 _PAIR, _MULTISTEP, _STIFF = DormandPrince(rtol=1e-11), CVODES(), CVODES(stiff=True)
 """Solvers of one run. For all tests/problems.py, the errors of DormandPrince are at most those of CVODES() at the same
 tolerance. DormandPrince takes a third to a twentieth of the time, plus compilation, and ends steps at switches."""
@@ -64,7 +63,7 @@ class Pilot:
     ----------
     message : str       why the run failed; empty if it did not fail
     steps : int         number of steps
-    seconds : float     run time [s]
+    operations : float  number of operations of the run, as in `Program.operations`
     slow : bool         whether an implicit solver may be faster
     doubt : str         why another solver may be better; empty if there is no reason
     drift : float       drift that causes `doubt`, divided by the largest accepted drift
@@ -72,7 +71,7 @@ class Pilot:
 
     message: str
     steps: int
-    seconds: float
+    operations: float
     slow: bool
     doubt: str = ""
     drift: float = 0.0
@@ -133,10 +132,10 @@ def _choice(candidates: Callable[[], Candidates], pilot: Callable[[Solver], Pilo
     other = pilot(implicit)
     if not other.succeeds:
         return first, f"{_count(run)}; {_fault(implicit, other)}"
-    times = run.seconds / other.seconds
+    times = run.operations / other.operations
     if times > 1:
-        return implicit, f"{first!r} takes {run.steps} steps and {times:.1f} times as long as {implicit!r}"
-    return first, f"{_count(run)}; {implicit!r} takes {1 / times:.1f} times as long as {first!r}"
+        return implicit, f"{first!r} takes {run.steps} steps, and {times:.2g} times the operations of {implicit!r}"
+    return first, f"{_count(run)}; {implicit!r} takes {1 / times:.2g} times the operations of {first!r}"
 
 
 def _replaced(
@@ -204,17 +203,17 @@ def _joined(*reasons: str) -> str:
 def _pilot_of_samples(program: Program, threads: int) -> Pilot:
     """The pilot run of a program for many samples: the nominal run, and runs with parameters nearby."""
     program.prepare()
-    p, begin = program.bodies.dae.p_nominal, time.perf_counter()
+    p, in_lanes = program.bodies.dae.p_nominal, program.runs_in_lanes
     ensemble = program.runs(p[None], threads)
     message = ensemble.messages[0] if ensemble.messages else ""
-    seconds, in_lanes = time.perf_counter() - begin, program.runs_in_lanes
     steps = program.engine().counts.steps if in_lanes else program.integration().statistics().get("steps", 0)
+    operations = program.operations()
     if in_lanes and not message:  # the nominal run may pass a singular position by chance
         shares = np.random.default_rng(0).uniform(-_NEIGHBOUR_DISTANCE, _NEIGHBOUR_DISTANCE, (_NEIGHBOURS, len(p)))
         ensemble = program.runs(p * (1 + shares), threads)
         late = ensemble.t_failed[~ensemble.ok] > program.times[0]  # no solver can start the other samples
         message = next((text for text, k in zip(ensemble.messages, late, strict=True) if k), "")
-    return Pilot(message, steps, seconds, steps > MANY)
+    return Pilot(message, steps, operations, steps > MANY)
 
 
 class PilotRuns:
@@ -269,7 +268,7 @@ class PilotRuns:
         run = run.at(outputs)
         trajectory = self._trajectory(program, run, counts, built - begin, seconds, len(times))
         self.done[solver] = run, replace(trajectory, run_examination=examination)
-        return Pilot(run.message, counts.get("steps", 0), seconds, False)
+        return Pilot(run.message, counts.get("steps", 0), program.operations(integration), False)
 
     def _trajectory(
         self, program: Program, run: Run, counts: dict[str, int], setup: float, seconds: float, known: int

@@ -1,6 +1,5 @@
 """A run in two independent ways, for an estimate of its errors, and the effect of errors of states on outputs."""
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -58,7 +57,7 @@ class TwoWays:
     levels : (float, float)        levels of errors that the tolerances of both ways explain
     parameters : str               parameters as text, such as "l1 = 1.02"
     message : str                  time and reason of a failure of the second way; empty without a failure
-    seconds : float                time of the second way [s]
+    operations : float             number of operations of the second way, as in `Program.operations`
     unchecked : str                a sentence if the run is not checked to its end, or not by another family
     """
 
@@ -71,7 +70,7 @@ class TwoWays:
     levels: tuple[float, float]
     parameters: str = ""
     message: str = ""
-    seconds: float = 0.0
+    operations: float = 0.0
     unchecked: str = ""
 
     @classmethod
@@ -80,7 +79,7 @@ class TwoWays:
 
         Outputs are compared at the times of the second way. The first way has these times, too.
         """
-        begin, some = time.perf_counter(), np.searchsorted(first.times, second.times)
+        some = np.searchsorted(first.times, second.times)
         run = second.runs(p[None])
         parameters = values_text(first.bodies.dae.p_names, p, first.bodies.dae.p_units)
         at = f"t = {run.t_failed[0]:g} s"
@@ -97,7 +96,7 @@ class TwoWays:
             levels=(_error_of_runs(first.solver), _error_of_runs(second.solver)),
             parameters=parameters,
             message=message,
-            seconds=time.perf_counter() - begin,
+            operations=second.operations(),
             unchecked=message and f"A second run by {second!r}{where} {message}.",
         )
 
@@ -183,7 +182,15 @@ class OtherWays:
 
     def values(self, p: Array) -> Array:
         """Outputs (n_t, n_y) of the run with parameters p (n_p,)."""
-        return self._once("values", p, lambda: self._program.runs(p[None]).Y[0])
+        return self._run(p)[0]
+
+    def most(self, p: Array, operations: float, runs: int) -> int:
+        """How many runs in another way take as many operations as given ones and runs of the program; at most 100."""
+        return int(min((operations + runs * self._run(p)[1]) / max(self.two(p).operations, 1.0), 100))
+
+    def _run(self, p: Array) -> tuple[Array, float]:
+        """Outputs (n_t, n_y) of the run with parameters p (n_p,), and its number of operations."""
+        return self._once("run", p, lambda: (self._program.runs(p[None]).Y[0], self._program.operations()))
 
     def two(self, p: Array, finest: bool = False) -> TwoWays:
         """The run of the program with parameters p (n_p,), and a run in another way, at some of the times.
