@@ -5,7 +5,7 @@ programs and FMUs.
 """
 
 from symmb.connect.black_box import BlackBox
-from symmb.connect.executors import LostTask, finished
+from symmb.connect.executors import LostTask, finished, is_shut_down
 from symmb.connect.identity import digest
 from symmb.connect.recorded_runs import RecordedRuns
 from symmb.connect.run_database import STATES, RunDatabase, open_run_database

@@ -67,6 +67,18 @@ class _Task:
     future: Any
 
 
+def is_shut_down(executor: Any) -> bool:
+    """Whether an executor refuses a task, because it is shut down."""
+    submit = getattr(executor, "submit", None)
+    if not callable(submit):
+        return False
+    try:
+        submit(int, 0)
+    except Exception:
+        return True
+    return False
+
+
 def finished(f: Callable[[Any], Any], items: Iterable[Any], executor: Any) -> Iterator[Numbered]:
     """Pairs (number of an item, f(item)) in the order in which tasks end; `LostTask` is the result if workers die.
 

@@ -261,7 +261,7 @@ CONTRIBUTING = [(name, own) for name, row in ROWS.items() if row.alone is not No
 
 @pytest.mark.parametrize(("name", "method"), CONTRIBUTING, ids=repr)
 def test_contributions_are_those_of_the_closed_form(name, method):
-    row, found = ROWS[name], bounds_of(name, method).contributions()
+    row, found = ROWS[name], bounds_of(name, method).contributions(runs=10_000)
     assert row.takes_runs in (None, found.runs > 0)
     shape = len(row.outputs.split()), len(row.times), len(row.box)
 
@@ -288,7 +288,7 @@ def even(name):
 def test_probabilities_are_those_of_the_closed_form(name):
     bounds, row = bounds_of(name), ROWS[name]
     for above, below, exact, ever in row.chances:
-        found = bounds.probability(bounds.names[0], above=above, below=below, laws=even(name))
+        found = bounds.probability(bounds.names[0], above=above, below=below, laws=even(name), runs=10_000)
         assert (np.abs(found.lower - exact) <= found.estimate + 1e-9).all() and (found.estimate < 0.02).all()
         parts = [f"{word} {level:g}" for word, level in (("below", below), ("above", above)) if level is not None]
         assert found.event == f"{bounds.names[0]} {' or '.join(parts)}"
@@ -298,7 +298,7 @@ def test_probabilities_are_those_of_the_closed_form(name):
 @rows("quantiles")
 def test_quantiles_are_those_of_the_closed_form(name):
     row, levels = ROWS[name], [*ROWS[name].quantiles]
-    found = bounds_of(name).quantiles(row.outputs.split()[0], levels, laws=even(name))
+    found = bounds_of(name).quantiles(row.outputs.split()[0], levels, laws=even(name), runs=10_000)
     exact = np.array([np.broadcast_to(row.quantiles[level], len(row.times)) for level in levels])
     assert (np.abs(found.lower - exact) <= found.estimate + 1e-9).all() and (found.lower == found.upper).all()
     assert (found.estimate <= 0.05 * true(name)[1][0] + 1e-9).all()

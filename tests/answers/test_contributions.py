@@ -38,7 +38,7 @@ def bounds_of_stairs(d):
 
 def test_widths_come_from_runs_where_no_polynomial_is_good():
     """Stairs over five parameters: each alone goes from -3 to 3, all together from -15 to 15."""
-    found = bounds_of_stairs(5).contributions()
+    found = bounds_of_stairs(5).contributions(runs=10_000)
     assert found.runs > 0
     assert np.allclose(found.alone[0, 0], 6)
     assert np.allclose(found.saved[0, 0], 6, atol=found.saved_estimate[0, 0])

@@ -1,15 +1,16 @@
 """Answers from bounds: worst cases, contributions, quantiles and probabilities."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from symmb._errors import DeclarationError, PropagationError
 from symmb._magnitudes import ROUNDING, SAME
 from symmb._names import ByName
+from symmb._options import whole
 from symmb._types import Array, Mask
 from symmb._units import told_units, units_of_parameters
 from symmb.bound.answers.contributions import Contributions, contributions_of
@@ -20,10 +21,22 @@ from symmb.bound.answers.probabilities import Probability, Quantiles, probabilit
 from symmb.bound.answers.statistical import Statistics, statistics_of
 from symmb.bound.polynomials import Moments, moments
 from symmb.bound.polynomials.ranges import Piecewise
-from symmb.bound.responses import GOOD, SIDES, AttainingRuns, Place, Responses, Worst, WorstCase, is_doubtful, row_of
+from symmb.bound.responses import (
+    GOOD,
+    SIDES,
+    AttainingRuns,
+    Place,
+    Responses,
+    RunsUsedUpError,
+    Worst,
+    WorstCase,
+    is_doubtful,
+    row_of,
+)
 from symmb.equations.model import Box, chosen_words, require_only_intervals
 from symmb.run.simulation import Sweep
 
+Answer = TypeVar("Answer")
 _WITHOUT_RUNS = "Taylor(", "TaylorModel(", "IntervalArithmetic("
 """Methods that make no runs in the box. The texts of these methods start with these words."""
 
@@ -145,7 +158,7 @@ class Answers(Envelope):
             )
         return moments(self.expansion, self.t, self.names)
 
-    def contributions(self) -> Contributions:
+    def contributions(self, runs: int | None = None) -> Contributions:
         """The contribution of each parameter to the widths and to the variance.
 
         The polynomials of the bounds give the contributions without runs. If the method has no polynomials, a study by
@@ -153,25 +166,33 @@ class Answers(Envelope):
         parameters give the widths. Least squares then give Sobol's indices, from 64 runs at points spread over the box.
         The number of runs is doubled until the error of the indices is below 0.04, up to 1024 runs.
 
+        Parameters
+        ----------
+        runs : int
+            largest number of further runs; default: as many as the study made, and any number for a scene, whose runs
+            cost little. If more runs are needed, the polynomials of the study are used with their errors
+
         Raises
         ------
         DeclarationError
             If polynomials are missing and no runs can be made, because the bounds were read or pickled.
         PropagationError
-            If too many of the further runs fail.
+            If too many of the further runs fail, or the allowed ones do not suffice for polynomials.
         """
-        return self._contributions
+        if runs not in self._contributions:
+            found = self._answered("Bounds.contributions", runs, contributions_of)
+            assert found is not None
+            self._contributions[runs] = found
+        return self._contributions[runs]
 
     @cached_property
-    def _contributions(self) -> Contributions:
-        found = contributions_of(self._responses("Bounds.contributions"))
-        assert found is not None
-        return found
+    def _contributions(self) -> dict[int | None, Contributions]:
+        return {}
 
     def _known_contributions(self) -> Contributions | None:
         """The contributions, or None if they require runs that have not been made."""
-        if "_contributions" in self.__dict__:
-            return self._contributions
+        if self._contributions:
+            return [*self._contributions.values()][-1]
         if (not self.range_of and self.study is not None) or (self.box is not None and self.box.is_cut):
             return None
         return contributions_of(self._responses("Bounds.contributions"), may_run=False)
@@ -197,6 +218,7 @@ class Answers(Envelope):
         correlation: Correlation | None = None,
         *,
         distributions: Mapping[str, Any] | None = None,
+        runs: int | None = None,
     ) -> Quantiles:
         """Quantiles of an output over time, for parameters that have distributions.
 
@@ -218,6 +240,8 @@ class Answers(Envelope):
             correlations of a Gaussian copula, in the order of the distributions; default: independent
         distributions : mapping
             another name of `laws`
+        runs : int
+            largest number of further runs, as in `contributions`
 
         Raises
         ------
@@ -228,7 +252,9 @@ class Answers(Envelope):
             If runs fail.
         """
         given = given_once("Bounds.quantiles", laws, distributions)
-        return quantiles_of(self._responses("Bounds.quantiles"), output, levels, given, correlation)
+        return self._answered(
+            "Bounds.quantiles", runs, lambda own: quantiles_of(own, output, levels, given, correlation)
+        )
 
     def probability(
         self,
@@ -240,6 +266,7 @@ class Answers(Envelope):
         correlation: Correlation | None = None,
         error: float = 0.1,
         distributions: Mapping[str, Any] | None = None,
+        runs: int | None = None,
     ) -> Probability:
         """Probability that an output is above or below a value, at each time and at any time; see `quantiles`.
 
@@ -249,17 +276,20 @@ class Answers(Envelope):
         Parameters
         ----------
         above, below : float, or with a unit, as "60 deg"
-        laws, correlation, distributions : as in `quantiles`
+        laws, correlation, distributions, runs : as in `quantiles`
         error : float
             the accepted error, relative to the probability of the event at any time. The number of samples of the
             polynomials grows until the estimated error is small enough. If more samples do not suffice, and all
             parameters have distributions, up to 1,000 runs near the limit give probabilities down to 1e-9
         """
         given = given_once("Bounds.probability", laws, distributions)
-        responses = self._responses("Bounds.probability")
-        return probability_of(responses, output, above, below, given, correlation, error)
+        return self._answered(
+            "Bounds.probability", runs, lambda own: probability_of(own, output, above, below, given, correlation, error)
+        )
 
-    def statistical(self, limits: Limits, laws: Mapping[str, Any] | None = None) -> Statistics:
+    def statistical(
+        self, limits: Limits, laws: Mapping[str, Any] | None = None, *, runs: int | None = None
+    ) -> Statistics:
         """Rejects, Cp, Cpk and root sum squares of outputs with limits, beside the worst case.
 
         A mechanism is a reject if it violates any limit at any output time. Rejects follow from the polynomials. If
@@ -273,6 +303,8 @@ class Answers(Envelope):
         laws : mapping
             distributions as in `quantiles`. The default distribution of a parameter is normal, with its mean in the
             middle of the interval and three standard deviations equal to the half width, cut to the interval
+        runs : int
+            largest number of further runs, as in `contributions`
 
         Raises
         ------
@@ -295,7 +327,7 @@ class Answers(Envelope):
         for name in pairs:
             if not np.isfinite([ends[:, self._column(name)] for ends in (self.lower, self.upper)]).all():
                 raise DeclarationError(f"Bounds.statistical: the bounds of {name} are infinite. Use finite outputs.")
-        return statistics_of(self._responses("Bounds.statistical"), pairs, laws)
+        return self._answered("Bounds.statistical", runs, lambda own: statistics_of(own, pairs, laws))
 
     def samples(
         self,
@@ -305,33 +337,68 @@ class Answers(Envelope):
         seed: int = 0,
         *,
         distributions: Mapping[str, Any] | None = None,
+        runs: int | None = None,
     ) -> Sweep:
         """Responses for n random samples of parameters that all have distributions; see `quantiles`.
 
-        The responses follow from the polynomials that `contributions` uses, or from runs.
+        The responses follow from the polynomials that `contributions` uses, or from runs. `runs` is the largest number
+        of further runs, as in `contributions`.
         """
         given = given_once("Bounds.samples", laws, distributions)
-        return samples_of(self._responses("Bounds.samples"), n, given, correlation, seed, self.nominal_parameters)
+        return self._answered(
+            "Bounds.samples",
+            runs,
+            lambda own: samples_of(own, n, given, correlation, seed, self.nominal_parameters),
+            has_error=False,
+        )
 
-    def _responses(self, owner: str) -> Responses:
-        """Responses that answer questions about the bounds."""
+    def _answered(
+        self, owner: str, runs: int | None, answer: Callable[[Responses], Answer], has_error: bool = True
+    ) -> Answer:
+        """The answer from responses with at most a number of further runs.
+
+        If this number does not suffice, the answer follows from polynomials with their errors.
+        """
+        most = np.inf if runs is None else whole(owner, "runs", runs, 0)
+        if self.study is None:
+            return answer(self._responses(owner))
+        if runs is None and not self.study.has_lanes:
+            most = max(self.evaluations, 1)
+        try:
+            with self.study.allowing(most):
+                return answer(self._responses(owner))
+        except RunsUsedUpError:
+            if not has_error:
+                raise PropagationError(
+                    f"{owner}: more than {most:g} further runs are needed. Allow them by runs=."
+                ) from None
+            with self.study.allowing(0):
+                return answer(self._responses(owner, most))
+
+    def _responses(self, owner: str, most: float | None = None) -> Responses:
+        """Responses that answer questions about the bounds. If `most` is given, as many runs do not suffice."""
         if self.box is None:
             raise DeclarationError(
                 f"{owner}: these bounds have no box, because a .csv file has none. Save the bounds as .npz."
             )
         require_only_intervals(owner, self.box)
-        adaptive: Any = self if self.range_of or self.study is None else self.study.adaptive
+        study, few = (self.study, "") if most is None else (None, f"{most:g} further runs do not suffice.")
+        known = self if self.study is None else vars(self.study).get("adaptive", self)
+        adaptive: Any = self if self.range_of else known if study is None else study.adaptive
         surrogate = adaptive.surrogate
         is_good = adaptive.have_good_surrogate()
         remarks = [f"The bounds have a warning: {doubt}" for doubt in self.doubts[:1]]
-        if self.study is None and not is_good.all():
+        if study is None and not is_good.all():
+            if surrogate is None and few:
+                raise PropagationError(f"{owner}: {self.method} has no polynomials, and {few} Allow more by runs=.")
             if surrogate is None:
                 raise DeclarationError(
                     f"{owner}: {self.method} has no polynomials, and bounds from a file or a pickle cannot make runs. "
                     "Use the bounds that propagate has returned."
                 )
             is_good[:] = True
-            remarks.append("The polynomials used here are inaccurate. No further runs can be made.")
+            more = f"{few} More are allowed by runs=." if few else "No further runs can be made."
+            remarks.append(f"The polynomials used here are inaccurate. {more}")
         values = [self.nominal_parameters.get(n, m) for n, m in zip(self.box.names, self.box.center, strict=True)]
         point = self.box.to_unit(np.array(values))
         if self._left_out:
@@ -343,7 +410,7 @@ class Answers(Envelope):
         runs = 0 if adaptive is self else adaptive.evaluations
         scale = self.scale
         floor = SAME * scale if adaptive.noise is None else adaptive.noise
-        ranges = adaptive.lower, adaptive.upper, estimate, floor, surrogate, is_good, self.study
+        ranges = adaptive.lower, adaptive.upper, estimate, floor, surrogate, is_good, study
         return Responses(*own, *ranges, adaptive.method, runs, tuple(remarks))
 
     def good_surrogate(self, outputs: Sequence[int] | None = None) -> Piecewise | None:

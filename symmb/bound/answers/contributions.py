@@ -301,7 +301,7 @@ def _by_runs(
     for number, i in enumerate(np.flatnonzero(missing.any(axis=1)), before + 1):
         each = (np.arange(len(responses.box)) == i) == is_alone
         low, high, of_range, more = responses.range_by_runs(
-            each & (responses.box.radius > 0), f"contributions, further study {number} of {of_all}"
+            each & (responses.box.radius > 0), f"contributions, further study {number} of {of_all}", of_all - number + 1
         )
         # The widths of the full box and of its faces are from one source. Runs replace polynomials if they gain much.
         own = missing[i] = missing[i] | (2 * rms(of_range) < rms(error[i]))
@@ -333,6 +333,8 @@ def _shares(responses: Responses, may_run: bool) -> tuple[Array, Array, Array, i
     n, most = _FEWEST_SHARE_RUNS, 0 if not may_run or responses.runs is None else _MOST_SHARE_RUNS
     while n <= most and _is_large(error, variance, varies):
         assert responses.runs is not None
+        if n > responses.runs.left:
+            break
         points, Y = responses.runs.sample(n)
         fit = fitted(points, Y, responses.box.names)
         of_fit = moments(fit.expansions[0], responses.t, responses.names)

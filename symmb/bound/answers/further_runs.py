@@ -22,6 +22,8 @@ that moves past output times causes many local maxima. Smaller values miss more 
 _MISSED_HILL = 1e-3
 """Error of a search that ends inside the box, divided by the spread of the extremes of its first runs. A slightly
 higher local maximum may be next to the highest known one. tests/benchmarks/machine_tolerances.py"""
+_REPEATED = 3
+"""Number of runs beside those of the search: the nominal run, and the closest run, which is repeated."""
 _SUFFICIENT_GAIN = 1e-4
 """Smallest relevant gain of a step along a crease, divided by the spread of the first runs."""
 
@@ -81,7 +83,14 @@ class Excess:
         self.place = np.zeros(len(bounds.box))
 
     def __call__(self, points: Array) -> Array:
-        """Make runs at points (N, d), and return the largest excess (N,) of each over time; -inf if a run fails."""
+        """Make runs at points (N, d), and return the largest excess (N,) of each over time; -inf if a run fails.
+
+        Simulators other than scenes make no more runs than the study.
+        """
+        most = len(points) if self._study.has_lanes else max(self._bounds.evaluations - _REPEATED - self.runs, 0)
+        if most < len(points):
+            made = self(points[:most]) if most else np.zeros(0)
+            return np.concatenate([made, np.full(len(points) - most, -np.inf)])
         if self.has_peaks:
             own = self._study.extremes((self._bounds.names[self._k],), points)[SIDES.index(self.side), :, 0]
             return self.add(points, own)
@@ -143,8 +152,8 @@ def closest_run(bounds: Envelope, k: int, side: str, limit: float, rows: Indices
     excess = Excess(bounds, k, side, limit)
     points = np.clip(np.concatenate([*_starts(bounds, k, side, rows)]).round(9), -1.0, 1.0)  # corners to the last digit
     points = np.concatenate([points, np.where(points < 0, -1.0, 1.0)])
-    # Many runs of a scene cost little. Other simulators make at most twice as many runs as the study.
-    most = max(600, bounds.evaluations) if study.has_lanes else 2 * bounds.evaluations
+    # Many runs of a scene cost little.
+    most = max(600, bounds.evaluations) if study.has_lanes else bounds.evaluations
     error, width = direct_search(excess, points, most, enough).error, _width(bounds, k)
     if study.has_lanes and 0 <= -excess.largest < _NEAR_LIMIT * width:
         error = _along_crease(excess, error, enough)

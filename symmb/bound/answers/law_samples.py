@@ -10,14 +10,16 @@ from symmb.bound.answers.laws import Laws
 from symmb.bound.answers.limit_state import SETS_OF_SAMPLES
 from symmb.bound.nodes import Random, Sobol, corners, fitted
 from symmb.bound.polynomials.ranges import Piecewise
-from symmb.bound.responses import Responses
+from symmb.bound.responses import Responses, RunsUsedUpError
 
 _SAMPLES_OF_POLYNOMIALS, _SAMPLES_WITH_SEARCH, SAMPLES_BEFORE_RUNS = 512, 128, 32
 """Numbers of samples of a set for three cases: from polynomials; if each sample requires a search or a run; and if runs
 near a limit may follow. Larger numbers take more time."""
 SAMPLES_ON_CARD, _BINS = 2**17, 2048
 """Number of samples of a set if runs on a graphics card are the samples, and number of bins of their values."""
-VERIFYING_RUNS = 32
+_LEAST_RUNS_OF_A_SET = 4
+"""Smallest number of samples of a set, if fewer runs are allowed than usual."""
+_VERIFYING_RUNS = 32
 """Number of runs at samples of the distributions. They verify the values of polynomials, not only their range."""
 SAFETY_OF_RUNS = 2.0
 """The reported error of polynomials, divided by the residual at runs that are not used in the fit."""
@@ -27,6 +29,11 @@ number of intervals for which all corners are used."""
 STANDARD_ERRORS = 3.5
 """The reported sampling error divided by the standard error of the mean of the sets. It is the quantile for 99 % of
 Student's t with 7 degrees of freedom."""
+
+
+def verifying_runs(responses: Responses) -> int:
+    """Number of runs that verify polynomials."""
+    return 0 if responses.runs is None else int(min(_VERIFYING_RUNS, responses.runs.left))
 
 
 class LawSamples:
@@ -51,8 +58,8 @@ class LawSamples:
         self.surrogate, self.error = responses.own(k), np.zeros(len(responses.t))
         if self.surrogate is not None:
             self.error = self.surrogate.error[:, 0]
-            if responses.runs is not None:
-                self.runs += VERIFYING_RUNS
+            if verifying_runs(responses):
+                self.runs += verifying_runs(responses)
                 residual = np.abs(
                     self.surrogate.values(self.unit_points(self.checks[0]))[:, :, 0] - self.checks[1]
                 ).max(axis=0)
@@ -61,6 +68,10 @@ class LawSamples:
                     self.surrogate = None
         if self.surrogate is None and self.free.any():
             self._fit()
+        if self.surrogate is None and responses.runs is not None and responses.runs.left < SETS_OF_SAMPLES * n:
+            n = int(responses.runs.left) // SETS_OF_SAMPLES
+            if n < _LEAST_RUNS_OF_A_SET:
+                raise RunsUsedUpError("The samples need more runs.")
         if self.surrogate is not None:
             n = _SAMPLES_WITH_SEARCH if self.free.any() else _SAMPLES_OF_POLYNOMIALS
         self.draw(n)
@@ -69,7 +80,10 @@ class LawSamples:
     def checks(self) -> tuple[Array, Array]:
         """Uniform numbers (N, n_l + n_free) of runs, and responses (N, n_t). The runs follow the distributions. Other
         parameters are uniform."""
-        u = (Sobol().points(VERIFYING_RUNS, len(self.columns) + self.free.sum(), seed=SETS_OF_SAMPLES) + 1) / 2
+        u = (
+            Sobol().points(verifying_runs(self.responses), len(self.columns) + self.free.sum(), seed=SETS_OF_SAMPLES)
+            + 1
+        ) / 2
         return u, self.by_runs(self.unit_points(u))
 
     def known(self) -> tuple[Array, Array]:

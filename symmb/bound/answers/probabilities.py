@@ -19,20 +19,20 @@ from symmb.bound.answers.law_samples import (
     SAFETY_OF_RUNS,
     SAMPLES_BEFORE_RUNS,
     STANDARD_ERRORS,
-    VERIFYING_RUNS,
     LawSamples,
     scatter,
+    verifying_runs,
 )
 from symmb.bound.answers.laws import Laws
 from symmb.bound.answers.limit_state import EXPECTED_IF_NONE, SETS_OF_SAMPLES, rare_event
 from symmb.bound.nodes import Random
-from symmb.bound.responses import FINE, Responses
+from symmb.bound.responses import FINE, Responses, RunsUsedUpError
 from symmb.run.simulation import Sweep
 
 Ends = float | Array
 """A limit, or limits over time (n_t,)."""
-_MOST_RUNS_NEAR_LIMIT = 1000
-"""Largest number of runs near a limit."""
+_MOST_RUNS_NEAR_LIMIT, _LEAST_RUNS_NEAR_LIMIT = 1000, 200
+"""Largest number of runs near a limit, and the number below which these runs are of no use."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -179,7 +179,8 @@ def quantiles_of(responses: Responses, output: object, levels: object, laws: obj
         parts.append((ends[0][0], ends[-1][0], np.maximum(ends[0][1], ends[-1][1])))
     lower, upper, sampling = (np.concatenate(each, axis=1) for each in zip(*parts, strict=True))
     lower, upper = np.clip((lower, upper), responses.lower[:, k], responses.upper[:, k])
-    return Quantiles(*samples.about(q), q, lower, upper, sampling + samples.error)
+    width = responses.upper[:, k] - responses.lower[:, k]  # no error is larger
+    return Quantiles(*samples.about(q), q, lower, upper, np.minimum(sampling + samples.error, width))
 
 
 def _quantiles_and_scatter(values: Array, q: Array) -> tuple[Array, Array]:
@@ -238,8 +239,9 @@ def event_probability(samples: LawSamples, limits: tuple[Ends, Ends], error: flo
     while _is_short(found, error, least) and samples.may_grow() and found[3, -1] < error / 2 * max(found[0, -1], least):
         samples.draw(4 * samples.number // SETS_OF_SAMPLES)
         found = _by_samples(samples, limits)
-    if _is_short(found, error, least) and responses.runs is not None and not samples.free.any():
-        own = _near_limit(samples, limits, error)
+    most = 0 if responses.runs is None else min(_MOST_RUNS_NEAR_LIMIT, responses.runs.left)
+    if _is_short(found, error, least) and most >= _LEAST_RUNS_NEAR_LIMIT and not samples.free.any():
+        own = _near_limit(samples, limits, error, int(most))
         found = np.where(own[2] < found[2], own, found)
     return found
 
@@ -286,11 +288,11 @@ def _by_samples(samples: LawSamples, limits: tuple[Ends, Ends]) -> Array:
     lower, upper, lowest, highest = sets.mean(axis=1)
     sampling = np.maximum(np.maximum(scatter(sets[0]), scatter(sets[1])), EXPECTED_IF_NONE / samples.number)
     of_polynomials = np.maximum(lower - lowest, highest - upper)
-    return np.array([lower, upper, sampling + of_polynomials, of_polynomials])
+    return np.array([lower, upper, np.minimum(sampling + of_polynomials, 1.0), of_polynomials])
 
 
-def _near_limit(samples: LawSamples, limits: tuple[Ends, Ends], error: float) -> Array:
-    """The four results of `_by_samples`, from runs near the limit."""
+def _near_limit(samples: LawSamples, limits: tuple[Ends, Ends], error: float, most: int) -> Array:
+    """The four results of `_by_samples`, from at most a number of runs near the limit."""
     from scipy.special import ndtr, ndtri
 
     (bottom, top), columns = limits, samples.columns
@@ -304,7 +306,7 @@ def _near_limit(samples: LawSamples, limits: tuple[Ends, Ends], error: float) ->
         lambda z: margins(samples.by_runs(samples.unit_points(ndtr(z)))),
         (ndtri(uniform), margins(Y)),
         error,
-        _MOST_RUNS_NEAR_LIMIT,
+        most,
     )
     samples.runs += found.runs
     share, n = np.clip(found.shares, 0.0, 1.0), max(found.failures, 1)
@@ -353,17 +355,28 @@ def values_of(responses: Responses, points: Array, columns: Sequence[int]) -> Va
 
     If runs of a scene cost little, polynomials must be more accurate. Otherwise a remark states their error.
     """
-    runs, surrogate, made = responses.runs, responses.surrogate, 0
-    if surrogate is not None and responses.is_good[[*columns]].all():
-        surrogate = surrogate.part(slice(None), columns)
+    runs, made, Y = responses.runs, 0, np.empty((len(points), len(responses.t), len(columns)))
+    by_runs, remarks = [*range(len(columns))], tuple[str, ...]()
+    good = [k for k, column in enumerate(columns) if responses.is_good[column]]
+    if good and responses.surrogate is not None:
+        outputs = [columns[k] for k in good]
+        surrogate = responses.surrogate.part(slice(None), outputs)
         error = surrogate.error
-        if runs is not None:
-            some, made = points[:VERIFYING_RUNS], VERIFYING_RUNS
-            error = SAFETY_OF_RUNS * np.abs(surrogate.values(some) - runs.values(some)[:, :, columns]).max(axis=0)
-        is_fine = responses.are_good(error, columns, FINE)
-        if runs is None or is_fine.all() or (not runs.has_lanes and responses.are_good(error, columns).all()):
-            named = ", ".join(responses.names[columns[k]] for k in np.flatnonzero(~is_fine).tolist())
-            told = f"Polynomials replace runs. Their error is above {FINE:.0%} of the width of {named}."
-            return Values(surrogate.values(points), made, (told,) if named else ())
-    assert runs is not None
-    return Values(runs.values(points)[:, :, columns], made + len(points))
+        if runs is not None and (made := verifying_runs(responses)):
+            some = points[:made]
+            error = SAFETY_OF_RUNS * np.abs(surrogate.values(some) - runs.values(some)[:, :, outputs]).max(axis=0)
+        is_fine = is_used = responses.are_good(error, outputs, FINE)
+        if runs is None or not runs.has_lanes:
+            is_used = is_fine | (responses.are_good(error, outputs) if runs else True)
+        used = np.flatnonzero(is_used).tolist()
+        by_polynomials = [good[k] for k in used]
+        Y[:, :, by_polynomials] = surrogate.part(slice(None), used).values(points)
+        by_runs = [k for k in by_runs if k not in by_polynomials]
+        if named := ", ".join(responses.names[outputs[k]] for k in np.flatnonzero(is_used & ~is_fine).tolist()):
+            remarks = (f"Polynomials replace runs. Their error is above {FINE:.0%} of the width of {named}.",)
+    if by_runs:
+        if runs is None:
+            raise RunsUsedUpError(f"{len(points)} runs are needed.")
+        Y[:, :, by_runs] = runs.values(points)[:, :, [columns[k] for k in by_runs]]
+        made += len(points)
+    return Values(Y, made, remarks)

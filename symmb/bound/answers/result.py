@@ -110,9 +110,8 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
 
         If the bounds are closer to a limit than twice their estimated error, further runs search for a run beyond the
         limit. For a scene, the search also starts if the bounds are closer than half of their width. The search makes
-        at most as many runs as the study, or 600 runs if this is more. With other simulators, the search makes at most
-        twice as many runs as the study. The limit is satisfied if the closest run is farther inside than the error of
-        the search, and undecided otherwise.
+        at most as many runs as the study, or 600 runs of a scene if this is more. The limit is satisfied if the closest
+        run is farther inside than the error of the search, and undecided otherwise.
 
         For scenes, the check uses the lowest and highest values of runs over time, as from `mb.minimum` and
         `mb.maximum`. These values are used for the nominal run, for the corners if there are few, for the runs closest

@@ -19,13 +19,13 @@ from symmb.bound.answers.limits import limit_text
 from symmb.bound.answers.probabilities import event_probability, values_of
 from symmb.bound.nodes import Sobol
 from symmb.bound.polynomials import Expansion
-from symmb.bound.responses import Responses
+from symmb.bound.responses import Responses, RunsUsedUpError
 from symmb.equations.model import Box
 from symmb.results.files import Record, entry
 from symmb.run.formulations import CardEnsemble
 
-_SAMPLES = 1024
-"""Number of samples for means and standard deviations."""
+_SAMPLES, _LEAST_SAMPLES = 1024, 16
+"""Number of samples for means and standard deviations, and the smallest number if fewer runs are allowed."""
 _DEFAULT = "normal, with three standard deviations equal to the half width, cut to the interval"
 
 
@@ -232,13 +232,17 @@ def statistics_of(
         points[:, own.columns] = own.unit_points((Sobol().points(n, len(own.names), 0) + 1) / 2, box)
         return points
 
-    points = np.concatenate([drawn(_SAMPLES), np.eye(len(box)), -np.eye(len(box))])
+    n = _SAMPLES
+    if responses.runs is not None and not responses.is_good[columns].all():  # rejects need the other runs
+        if (n := int(min(n, responses.runs.left / 3))) < _LEAST_SAMPLES:
+            raise RunsUsedUpError("Means need more runs.")
+    points = np.concatenate([drawn(n), np.eye(len(box)), -np.eye(len(box))])
     Y, made, remarks = values_of(responses, points, columns)
-    mean, sigma = Y[:_SAMPLES].mean(axis=0), Y[:_SAMPLES].std(axis=0)
+    mean, sigma = Y[:n].mean(axis=0), Y[:n].std(axis=0)
     if responses.runs is not None and responses.runs.on_card and not responses.is_good[columns].all():
         found = responses.runs.reduced(drawn(SAMPLES_ON_CARD), CardEnsemble.moments)
         mean, sigma = (each[:, columns] for each in found)
-    ends = Y[_SAMPLES:].reshape(2, len(box), *mean.shape)
+    ends = Y[n:].reshape(2, len(box), *mean.shape)
     rss = np.sqrt(np.square((ends[0] - ends[1]) / 2).sum(axis=0))
     low, high = np.array([*pairs.values()]).T
     floor = responses.floor[columns]  # smaller numbers are rounding or noise

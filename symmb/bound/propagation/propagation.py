@@ -104,7 +104,7 @@ def _finished(method: Method, simulator: Simulator, bounds: Bounds, executor: Ex
     values = ByName({k: float(v) for k, v in own.items()}, units_of_parameters(own))
     if nominal is None:  # black box: the study may have made this run
         nominal = bounds.nominal
-    study = None if isinstance(simulator, RecordedRuns) or box.constraints else Study(simulator, box)
+    study = None if isinstance(simulator, RecordedRuns) or box.constraints else Study(simulator, box, executor)
     known: dict[str, Any] = {"study": study, "nominal": nominal, "nominal_parameters": values}
     of_scene = isinstance(simulator, SceneSimulator)
     known["subject"] = simulator.name if of_scene else repr(simulator)

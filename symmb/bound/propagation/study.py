@@ -1,6 +1,7 @@
 """The data from which bounds were computed, which are stored with the bounds for further runs."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, cast
@@ -14,8 +15,8 @@ from symmb.bound.answers import Bounds
 from symmb.bound.methods import PolynomialChaos
 from symmb.bound.nodes import Sobol
 from symmb.bound.reductions import bounded
-from symmb.bound.responses import FailedRuns, gathered, parameter_samples
-from symmb.connect import Simulator, noise_from_runs
+from symmb.bound.responses import FailedRuns, RunsUsedUpError, gathered, parameter_samples
+from symmb.connect import Simulator, is_shut_down, noise_from_runs
 from symmb.equations.model import Box, Scene
 from symmb.run.formulations import CardEnsemble
 from symmb.run.integrate import Solver
@@ -71,10 +72,40 @@ def _with_absences(simulator: Simulator, P: Array, executor: Executor | None) ->
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """The simulator and the box of bounds."""
+    """The simulator and the box of bounds, and the executor of their runs, which is used as long as it works."""
 
     simulator: Simulator
     box: Box
+    executor: Executor | None = None
+
+    @contextmanager
+    def allowing(self, runs: float) -> Iterator[None]:
+        """A context in which at most this number of runs are made. RunsUsedUpError is raised before further runs."""
+        self._budget[:] = [runs]
+        try:
+            yield
+        finally:
+            self._budget[:] = [np.inf]
+
+    @property
+    def left(self) -> float:
+        """The number of runs that are left in this context."""
+        return self._budget[0]
+
+    @cached_property
+    def _budget(self) -> list[float]:
+        return [np.inf]
+
+    def _gathered(self, simulator: Simulator, points: Array) -> tuple[Array, FailedRuns]:
+        """Values (N, n_t, n_y) at points (N, d) of the unit box, nan where a run failed, and the failed runs."""
+        if len(points) > self.left:
+            raise RunsUsedUpError(f"{len(points)} runs are needed, and {self.left:g} are left.")
+        self._budget[0] -= len(points)
+        return gathered(simulator, parameter_samples(simulator, self.box, points), self._working)
+
+    @property
+    def _working(self) -> Executor | None:
+        return None if is_shut_down(self.executor) else self.executor
 
     @property
     def scene(self) -> Scene:
@@ -121,8 +152,21 @@ class Study:
     @cached_property
     def adaptive(self) -> Bounds:
         """Bounds over the box by PolynomialChaos()."""
-        with shown_runs(None, "a study with PolynomialChaos()") as progress:
-            return bounded(PolynomialChaos(), self.simulator, self.box, progress=progress)
+        return self._bounds(self.box, "a study with PolynomialChaos()", 1)
+
+    def _bounds(self, box: Box, label: str, studies: int) -> Bounds:
+        """Bounds over another box. They use equal parts of the runs that are left."""
+        budget = None if self.left == np.inf else int(self.left) // studies
+        if budget == 0:
+            raise RunsUsedUpError("No runs are left.")
+        with shown_runs(None, label) as progress:
+            try:
+                method = PolynomialChaos(budget=budget)
+                bounds = bounded(method, self.simulator, box, executor=self._working, progress=progress)
+            except PropagationError as error:
+                raise error if budget is None else RunsUsedUpError(str(error)) from error
+        self._budget[0] -= bounds.evaluations
+        return bounds
 
     @cached_property
     def nominal(self) -> tuple[Array | None, Array | None]:
@@ -130,13 +174,13 @@ class Study:
         Y, bad = gathered(self.simulator, np.array([[*map(float, self.simulator.parameters.values())]]), None)
         return (None, None) if bad else (Y[0], noise_from_runs(self.simulator))
 
-    def range(self, box: Box, label: str) -> tuple[Array, Array, Array, int]:
+    def range(self, box: Box, label: str, studies: int) -> tuple[Array, Array, Array, int]:
         """Bounds (n_t, n_y) over another box by PolynomialChaos(), their estimated error, and the number of runs.
 
-        Parameters outside of the box have their nominal values. The progress bar shows `label`.
+        Parameters outside of the box have their nominal values. The progress bar shows `label`. The study is the first
+        of several `studies`, which use equal parts of the runs that are left.
         """
-        with shown_runs(None, f"{label}, {', '.join(box.names)}") as progress:
-            bounds = bounded(PolynomialChaos(), self.simulator, box, progress=progress)
+        bounds = self._bounds(box, f"{label}, {', '.join(box.names)}", studies)
         assert bounds.estimate is not None
         return bounds.lower, bounds.upper, bounds.estimate, bounds.evaluations
 
@@ -168,7 +212,7 @@ class Study:
 
     def attempted(self, points: Array) -> tuple[Array, FailedRuns]:
         """Responses (N, n_t, n_y) at points (N, d) of the unit box, with nan for failed runs, and the failed runs."""
-        return gathered(self.simulator, parameter_samples(self.simulator, self.box, points), None)
+        return self._gathered(self.simulator, points)
 
     def of_output(self, k: int, points: Array) -> tuple[Array, int]:
         """Values (N, n_t) of output k at points (N, d) of the unit box, and the number of failed runs.
@@ -178,7 +222,7 @@ class Study:
         simulator, name = self.simulator, self.simulator.outputs[k]
         if isinstance(simulator, FigureSimulator) and simulator.ends.get(name, 0.0) is None:
             simulator = simulator.continued(simulator.ends.keys() - {name})
-        Y, bad = gathered(simulator, parameter_samples(simulator, self.box, points), None)
+        Y, bad = self._gathered(simulator, points)
         return Y[:, :, k], sum(never_holds(name) not in message for _, _, message in bad)
 
     def values(self, points: Array) -> Array:

@@ -11,7 +11,7 @@ lists the rules that decide errors.
 from symmb.bound.responses.allowed import FEW, allowed_points, first_points
 from symmb.bound.responses.box_runs import RunsOverBox, parameter_columns, parameter_samples
 from symmb.bound.responses.failures import Failure, failed_region, failure_text, find_failed_region
-from symmb.bound.responses.responses import FINE, GOOD, Responses, Runs
+from symmb.bound.responses.responses import FINE, GOOD, Responses, Runs, RunsUsedUpError
 from symmb.bound.responses.streams import (
     MOST_NUMBERS,
     FailedRuns,

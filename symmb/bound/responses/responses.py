@@ -1,11 +1,13 @@
 """Responses over a box, from polynomials, or from runs if polynomials are not accurate enough."""
 
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 
+from symmb._errors import PropagationError
 from symmb._options import require_name
 from symmb._types import Array, Mask
 from symmb.bound.polynomials.ranges import Piecewise
@@ -19,10 +21,22 @@ FINE = 0.02
 """Largest error of polynomials, divided by the widths, in answers that state no error, such as means and samples."""
 
 
-class Runs(Protocol):
-    """Functions for further runs: ranges, values, reductions, samples, and bounds by PolynomialChaos()."""
+class RunsUsedUpError(PropagationError):
+    """An answer needs more further runs than are allowed."""
 
-    def range(self, box: Box, label: str) -> tuple[Array, Array, Array, int]: ...
+
+class Runs(Protocol):
+    """Functions for further runs: ranges, values, reductions, samples, and bounds by PolynomialChaos().
+
+    `allowing` is a context in which at most a number of runs are made. `left` is the number of runs left.
+    """
+
+    def allowing(self, runs: float) -> AbstractContextManager[None]: ...
+
+    @property
+    def left(self) -> float: ...
+
+    def range(self, box: Box, label: str, studies: int) -> tuple[Array, Array, Array, int]: ...
 
     def attempted(self, points: Array) -> tuple[Array, tuple[Any, ...]]: ...
 
@@ -121,12 +135,15 @@ class Responses:
             error[:, good] = own.error
         return np.maximum(low, self.lower), np.minimum(high, self.upper), error
 
-    def range_by_runs(self, free: Mask, label: str) -> tuple[Array, Array, Array, int]:
-        """The range of a study, its error and number of runs. Only `free` parameters (mask, (d,)) vary."""
+    def range_by_runs(self, free: Mask, label: str, studies: int) -> tuple[Array, Array, Array, int]:
+        """The range of a study, its error and number of runs. Only `free` parameters (mask, (d,)) vary.
+
+        It is the first of several `studies`, which use equal parts of the runs that are left.
+        """
         assert self.runs is not None
         if not free.any():
             value = self.runs.values(self.nominal[None])[0]
             return value, value, np.zeros_like(value), 1
         fixed, own = self.box.from_unit(self.nominal).tolist(), zip(self.box.names, self.box.bounds, free, strict=True)
         part = {name: ends if is_free else (x, x) for (name, ends, is_free), x in zip(own, fixed, strict=True)}
-        return self.runs.range(Box(**part), label)
+        return self.runs.range(Box(**part), label, studies)
