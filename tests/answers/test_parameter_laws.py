@@ -184,3 +184,17 @@ def test_distributions_is_another_name_of_laws():
         refused("two names of one argument", ask, laws=NORMAL, distributions=NORMAL)
         if name != "MonteCarlo":
             refused("distributions must be given by name", ask)
+
+
+@pytest.mark.parametrize("level", [0.001, 0.01, 0.999])
+def test_extreme_quantiles_are_as_accurate_as_asked(level, monkeypatch):
+    """A sum of two normal parameters. The bounds have a width of 40."""
+    bounds = black_box_bounds(lambda a, b: [[a + b]], nominal={"a": 0.0, "b": 0.0}, a=(-10, 10), b=(-10, 10))
+    laws, exact = {"a": st.norm(), "b": st.norm()}, st.norm.ppf(level, scale=np.sqrt(2))
+    found = bounds.quantiles("y", level, laws, error=2e-3)
+    assert found.samples > 4096 and found.estimate[0, 0] <= 0.1
+    assert abs(found.lower[0, 0] - exact) <= found.estimate[0, 0]
+    monkeypatch.setattr("symmb.bound.answers.probabilities._MOST_VALUES", 2**17)
+    short = bounds.quantiles("y", level, laws, error=1e-6)
+    assert "The error of sampling is" in str(short) and short.samples == 2**16
+    refused("error must be above 0 and below 1", lambda: bounds.quantiles("y", level, laws, error=2.0))

@@ -217,6 +217,7 @@ class Answers(Envelope):
         laws: Mapping[str, Any] | None = None,
         correlation: Correlation | None = None,
         *,
+        error: float | None = None,
         distributions: Mapping[str, Any] | None = None,
         runs: int | None = None,
     ) -> Quantiles:
@@ -238,6 +239,9 @@ class Answers(Envelope):
             the interval of its parameter
         correlation : (n, n)
             correlations of a Gaussian copula, in the order of the distributions; default: independent
+        error : float
+            the accepted error of sampling, divided by the largest width of the bounds. The number of samples of the
+            polynomials grows until it is reached, up to 16 million values. Default: 4,096 samples
         distributions : mapping
             another name of `laws`
         runs : int
@@ -253,7 +257,7 @@ class Answers(Envelope):
         """
         given = given_once("Bounds.quantiles", laws, distributions)
         return self._answered(
-            "Bounds.quantiles", runs, lambda own: quantiles_of(own, output, levels, given, correlation)
+            "Bounds.quantiles", runs, lambda own: quantiles_of(own, output, levels, given, correlation, error)
         )
 
     def probability(

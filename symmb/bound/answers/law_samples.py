@@ -90,10 +90,10 @@ class LawSamples:
         """Uniform numbers (N, n_l) of all runs so far, and responses (N, n_t)."""
         return self.checks if self.surrogate is not None else (self._uniform, self._by_samples[:, :, 0])
 
-    def may_grow(self) -> bool:
-        """Whether more samples require no runs and little time."""
-        # Largest number of polynomial values for a probability. Runs near the limit find rarer events in less time.
-        return self.surrogate is not None and not self.free.any() and 4 * self.number * len(self.error) <= 2**20
+    def may_grow(self, most: int = 2**20) -> bool:
+        """Whether more samples require no runs, and at most a number of values of polynomials."""
+        # The default is that for a probability. Runs near the limit find rarer events in less time.
+        return self.surrogate is not None and not self.free.any() and 4 * self.number * len(self.error) <= most
 
     def draw(self, n: int) -> None:
         """Draw n samples in each set."""

@@ -31,6 +31,8 @@ from symmb.run.simulation import Sweep
 
 Ends = float | Array
 """A limit, or limits over time (n_t,)."""
+_MOST_VALUES = 2**24
+"""Largest number of values of polynomials for quantiles with a given error: some seconds."""
 _MOST_RUNS_NEAR_LIMIT, _LEAST_RUNS_NEAR_LIMIT = 1000, 200
 """Largest number of runs near a limit, and the number below which these runs are of no use."""
 
@@ -165,22 +167,37 @@ class Probability(Figures):
         return Labelled({"time": (("time",), self.t)}, variables, {"event": self.event, **about}, {"time": "s"})
 
 
-def quantiles_of(responses: Responses, output: object, levels: object, laws: object, correlation: object) -> Quantiles:
+def quantiles_of(
+    responses: Responses, output: object, levels: object, laws: object, correlation: object, error: object
+) -> Quantiles:
     """Quantiles of an output; see `Bounds.quantiles`."""
     owner = "Bounds.quantiles"
+    if error is not None and (not is_finite_number(error) or not 0 < error < 1):
+        raise DeclarationError(f"{owner}: error must be above 0 and below 1, got {shown(error)}.")
     k = responses.column(owner, output)
     q = numbers_of([levels] if is_finite_number(levels) else levels)
     if q is None or q.ndim != 1 or not len(q) or not ((q > 0) & (q < 1)).all():
         raise DeclarationError(f"{owner}: levels must be probabilities above 0 and below 1, got {shown(levels)}.")
     samples = LawSamples(owner, responses, k, laws, correlation)
-    parts = [samples.quantiles_on_card(q)] if samples.on_card else []
-    for _, low, high in samples.over_time() if not parts else ():
-        ends = [_quantiles_and_scatter(each, q) for each in ((low,) if low is high else (low, high))]
-        parts.append((ends[0][0], ends[-1][0], np.maximum(ends[0][1], ends[-1][1])))
-    lower, upper, sampling = (np.concatenate(each, axis=1) for each in zip(*parts, strict=True))
+    width = responses.upper[:, k] - responses.lower[:, k]
+    while True:
+        parts = [samples.quantiles_on_card(q)] if samples.on_card else []
+        for _, low, high in samples.over_time() if not parts else ():
+            ends = [_quantiles_and_scatter(each, q) for each in ((low,) if low is high else (low, high))]
+            parts.append((ends[0][0], ends[-1][0], np.maximum(ends[0][1], ends[-1][1])))
+        lower, upper, sampling = (np.concatenate(each, axis=1) for each in zip(*parts, strict=True))
+        is_short = error is not None and bool((sampling > error * width.max()).any())
+        if not is_short or not samples.may_grow(_MOST_VALUES):
+            break
+        samples.draw(4 * samples.number // SETS_OF_SAMPLES)
     lower, upper = np.clip((lower, upper), responses.lower[:, k], responses.upper[:, k])
-    width = responses.upper[:, k] - responses.lower[:, k]  # no error is larger
-    return Quantiles(*samples.about(q), q, lower, upper, np.minimum(sampling + samples.error, width))
+    estimate = np.minimum(sampling + samples.error, width)  # no error is larger
+    found = Quantiles(*samples.about(q), q, lower, upper, estimate)
+    if not is_short:
+        return found
+    told, most = apart(float(sampling.max() / width.max()), float(error))  # pyright: ignore[reportArgumentType]
+    short = f"The error of sampling is {told} times the width of the bounds, and not {most}."
+    return replace(found, remarks=(*found.remarks, short))
 
 
 def _quantiles_and_scatter(values: Array, q: Array) -> tuple[Array, Array]:
@@ -190,8 +207,9 @@ def _quantiles_and_scatter(values: Array, q: Array) -> tuple[Array, Array]:
     whole = sets.reshape(len(sets), -1).copy()
     whole.sort(axis=1)
     # Fraction of the samples next to a quantile that cannot be distinguished from the quantile.
-    near = 2.0 / whole.shape[1]
-    quantiles, above, below = (_of_sorted(whole, np.clip(q + sign * near, 0, 1)) for sign in (0, 1, -1))
+    n = whole.shape[1]
+    near, middle = 2.0 / n, (q * (n + 1) - 1) / (n - 1)  # the k-th of n values has the mean rank k / (n + 1)
+    quantiles, above, below = (_of_sorted(whole, np.clip(middle + sign * near, 0, 1)) for sign in (0, 1, -1))
     sampling = scatter(np.moveaxis(_of_sorted(sets, q), 2, 0))
     return quantiles, np.maximum(sampling, np.maximum(above - quantiles, quantiles - below))
 
