@@ -56,6 +56,23 @@ def test_times_speeds_and_apexes_of_a_bouncing_ball(e):
     assert run.energy_drift < 1e-10
 
 
+def test_contacts_that_open_at_one_instant_all_open():
+    p = mb.Parameters(load=27.0, w=70.0, k=712.0)
+    balls = [mb.Body(f"ball{k}", 0.08, pose=mb.Particle()) for k in range(2)]
+    lift = p.load * (2 * ca.sin(p.w * mb.t) - 1)
+    forces = [mb.Force(f"lift{k}", ball.point(0, 0), (0, lift - p.k * ball.y)) for k, ball in enumerate(balls)]
+    floors = [mb.Impact(f"floor{k}", ball.y, 0.5) for k, ball in enumerate(balls)]
+    system = mb.System(*balls, *forces, *floors, parameters=p)
+    simulator = mb.DAESimulator(mb.Scene(system, {}, [0.0, 0.02], {ball.name: ball.y for ball in balls}))
+    P = np.random.default_rng(0).uniform((26.0, 65.0, 700.0), (28.0, 75.0, 720.0), (100, 3))
+    load, w, k = P.T
+    begin, own, driven = np.pi / 6 / w, np.sqrt(k / 0.08), 2 * load / (k - 0.08 * w**2)  # loads turn at a sine of 1/2
+    flight, rest = 0.02 - begin, load / k
+    height = driven * np.sin(w * 0.02) - rest - (driven / 2 - rest) * np.cos(own * flight)
+    height -= driven * w / own * np.cos(w * begin) * np.sin(own * flight)
+    assert_allclose(simulator.run(P).Y[:, -1], np.column_stack([height] * 2), rtol=1e-7)
+
+
 def test_impacts_of_one_instant_are_told_if_their_order_matters():
     events = [mb.Event(2.5, name, "impact", -1.0, 0.5, -0.1, name != "c", (3.0,)) for name in "cab"]
     assert "impacts of 'a', 'b' at t = 2.5 s are simultaneous" in event_doubts(events)[0]

@@ -55,6 +55,33 @@ def test_short_contacts_are_neither_missed_nor_wrong(stiffness, gap, solver):
     assert run.statistics["integrator"]["steps"] < 300
 
 
+def test_contacts_that_begin_closed_cost_a_block_no_steps():
+    p = mb.Parameters(draw=0.3, rate=2000.0, gap=0.0)
+    pusher, load = (mb.Body(name, mass, pose=mb.Particle()) for name, mass in (("pusher", 0.1), ("load", 0.02)))
+    spring = mb.Force("spring", pusher.point(0, 0), (-p.rate * pusher.x, 0))
+    touch = mb.Contact("touch", load.point(0, 0), pusher.point(0, 0), (1, 0), mb.KelvinVoigt(5e5, 20.0))
+    start = {"pusher.x": -p.draw, "load.x": -p.draw + p.gap}
+    scene = mb.Scene(mb.System(pusher, load, spring, touch, parameters=p), start, [0.0, 0.002], {"v": load.vx})
+    simulator = mb.DAESimulator(scene, mb.DormandPrince())
+
+    def slope(t, x, rate):
+        force = max(0.0, 5e5 * (x[0] - x[1]) + 20.0 * (x[2] - x[3])) if x[0] > x[1] else 0.0
+        return [x[2], x[3], (-rate * x[0] - force) / 0.1, force / 0.02]
+
+    corners = np.array([(draw, rate) for draw in (0.29, 0.31) for rate in (1900.0, 2100.0)])
+    options = {"method": "LSODA", "rtol": 1e-9, "atol": 1e-12, "max_step": 1e-5}
+    known = [solve_ivp(slope, (0, 0.002), [-d, -d, 0, 0], args=(r,), **options).y[3, -1] for d, r in corners]
+
+    def steps(gap, atol):
+        v = simulator.run(np.column_stack([corners, [gap] * 4])).Y[:, -1, 0]
+        assert_allclose(v, known, rtol=0, atol=atol)
+        return simulator.program.engine().counts.steps
+
+    clear = steps(1e-5, 0.1)
+    for gap in (0.0, 1e-17, -1e-17, 1e-12):
+        assert steps(gap, 1e-5) < 1.5 * clear
+
+
 def test_contacts_beside_a_part_of_a_large_scene_are_as_accurate():
     times = np.linspace(0, 20, 201)
     far = mb.Body("far", 1.0, pose=mb.Particle())

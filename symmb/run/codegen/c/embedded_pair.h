@@ -209,7 +209,7 @@ PRIVATE int is_early(const Block *b, double z, double shortest) { return z < LAT
 
 /* Begins the run at the first time. Returns 0 if samples failed. */
 PRIVATE int begin_run(Block *b, Study *s) {
-  b->steps = b->shortened = b->under_way = 0;
+  b->steps = b->shortened = b->missed = b->under_way = 0;
   if (s->n_t == 1) return 1;
   begin_tolerances(b, s);
   follow_sizes(b, s);
@@ -257,14 +257,17 @@ PRIVATE int take_step(Block *b, Study *s) {
        in its middle, and the state at an early pass would have this error. So an early pass is found roughly, and a step to
        just after the pass replaces the step. The pass is then found again near the end of this step, where interpolants are as
        exact as steps. The rough search examines only the ends of the step. It is omitted in a shortened step, because its pass
-       must be the first pass. */
-    const double rough = searched && !b->shortened ? rough_pass(b) : 2.0;
+       must be the first pass. If a shortened step misses its pass, for example because it moves the state by less than its
+       rounding, the next step is not replaced. Otherwise short steps could follow each other without end. */
+    const double rough = searched && !b->shortened && !b->missed ? rough_pass(b) : 2.0;
     b->pass = !searched ? 2.0 : is_early(b, rough, shortest) ? rough : first_pass(b);
-    b->shortened = is_early(b, b->pass, shortest);
-    if (b->shortened) { /* BEYOND: the pass must be within the shorter step, although this interpolant has an error */
-      b->h *= b->pass * BEYOND;
+    if (!b->missed && is_early(b, b->pass, shortest)) {
+      b->shortened = 1;
+      b->h *= b->pass * BEYOND; /* the pass must be within the shorter step, although this interpolant has an error */
       continue;
     }
+    b->missed = b->shortened && b->pass > 1.0;
+    b->shortened = 0;
     if (b->pass <= 1.0) b->t_new = b->t + b->pass * b->h;
     const int jumps = N_E > 0 && b->t_new >= b->stop_time; /* laws of time and margins of joints may jump there */
     b->contact = contact_at(b, b->pass);
@@ -337,7 +340,7 @@ PRIVATE int go_on_with(Block *b, Study *s, double t) {
   }
   if (!reach_constraints(b, s, t)) return 0;
   b->t = t;
-  b->under_way = b->shortened = 0;
+  b->under_way = b->shortened = b->missed = 0;
   b->soon = INFINITY;
   /* Parameters also move switches of time, so the search for the next switch starts with the first switch. */
   memset(b->stop, 0, sizeof b->stop);

@@ -331,6 +331,9 @@ PRIVATE int may_fall(double from, double middle, double to) {
 PRIVATE double first_fall(Part *a, Block *b, int k, double first) {
   double low = 0.0, share = 1.0 / FORCE_PARTS;
   V from = switch_at(a, b, k, zero());
+  /* If several forces fall below 0 at one instant, the search finds the first. The others may be below 0 only after the event,
+     because of rounding. */
+  if (from[0] < 0.0) return AT_ONCE;
   while (low < first && low < 1.0) {
     const double half = low + 0.5 * share, high = low + share;
     const V middle = switch_at(a, b, k, each(half)), to = switch_at(a, b, k, each(high));
