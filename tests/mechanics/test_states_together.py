@@ -12,6 +12,7 @@ from mechanisms import exact
 from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
+from stiff_layers import KINDS, MOST, error, make
 
 import symmb as mb
 from symmb.run.codegen import has_compiler
@@ -154,6 +155,11 @@ def test_stiff_reactions_end_at_the_published_values(law, start, end, expected, 
     states = mb.States([*start], law)
     run = run_of(states, start=start, times=[0.0, end], outputs=values(states))
     assert_allclose(run.values[-1], expected, rtol=error)
+
+
+@pytest.mark.parametrize("kind", KINDS[:3])
+def test_studies_of_reactions_with_a_fast_start_are_those_of_scipy(kind):
+    assert error(*make(kind, np.random.default_rng(1))) < MOST
 
 
 def test_a_rod_of_sixty_cells_cools_by_its_modes():

@@ -15,7 +15,6 @@ STEP_CONTROL = SimpleNamespace(
     CHANGE_LEAST=0.333,
     CHANGE_MOST=6.0,  # bounds of the factor of a step that is accepted
     ERROR_LEAST=1e-4,  # smaller previous errors are replaced by this value
-    SHORTEST=1e-14,  # fraction of the time span: shorter steps are lost in rounding
     MOST_MISSED=300.0,  # tolerances: smooth motions miss 5 to 30, up to 250 at rtol 1e-13. tests/benchmarks/lanes.py
 )
 """The constants of the step control, as in the code DOP853."""

@@ -96,6 +96,14 @@ PRIVATE inline V slope(const V *x, const V *k, int i) { return N_OWN == N_X || i
    a jump. */
 PRIVATE double between_stops(const Block *b, double t) { return t < b->from ? b->from : t > b->to ? b->to : t; }
 
+#define SHORTEST 1e-14 /* fraction of the time, about 45 rounding errors: shorter steps are lost in rounding */
+
+/* The shortest step at the time t of a block. It does not follow from the time span, because fast motions at the start may take
+   a fraction of 1e-14 of the span. At time 0, steps have a limit all the same, so that samples fail if no step succeeds. */
+PRIVATE double shortest_step(const Block *b, const Study *s) {
+  return SHORTEST * fmax(fabs(b->t), SHORTEST * (s->times[s->n_t - 1] - s->times[0]));
+}
+
 /* Marks the sample of a lane as failed. */
 PRIVATE void fail_sample(const Block *b, Study *s, long lane, double t, char why) {
   /* Lanes from `live` on repeat samples. They fail together with the repeated samples, because they have the same sample

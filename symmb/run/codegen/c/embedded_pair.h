@@ -223,7 +223,7 @@ PRIVATE int begin_run(Block *b, Study *s) {
 
 /* Takes a step. The step is shortened until it is accepted. Returns 0 if samples failed. */
 PRIVATE int take_step(Block *b, Study *s) {
-  const double end = s->times[s->n_t - 1], shortest = SHORTEST * (end - s->times[0]);
+  const double end = s->times[s->n_t - 1], shortest = shortest_step(b, s);
   for (;;) {
     if (s->longest > 0.0 && b->h > s->longest) b->h = s->longest;
     if (!(b->h > shortest)) b->h = shortest;

@@ -96,9 +96,9 @@ PRIVATE int begin_run(Block *b, Study *s) {
 /* Runs the block until it has its first n outputs. Returns 0 if samples failed. */
 PRIVATE int run_until(Block *b, Study *s, long n) {
   const double span = s->times[s->n_t - 1] - s->times[0], longest = s->longest > 0.0 ? s->longest : span;
-  const double shortest = s->rtol > 0.0 ? 1e-14 * span : 1e-4 * longest;
   M marked[PARTS];
   while (b->next < n) {
+    const double shortest = s->rtol > 0.0 ? shortest_step(b, s) : 1e-4 * longest;
     if (!(b->wanted > shortest)) b->wanted = shortest;
     const double goal = b->to < s->times[b->next] ? b->to : s->times[b->next];
     /* Equal steps up to the goal. Otherwise the remaining last step could be as short as rounding. With 1e-9, a step that fits
@@ -129,7 +129,7 @@ PRIVATE int run_until(Block *b, Study *s, long n) {
       factor = best < GROWTH ? best : GROWTH;
       if (!(e <= 1.0)) {
         if (!(b->h > 1.0000001 * shortest)) return fail_samples(b, s, marked, STEPS);
-        b->wanted = b->h * (factor > 0.1 ? factor : 0.1);
+        b->wanted = b->h * (e == e && factor > 0.1 ? factor : 0.1);
         continue;
       }
     }

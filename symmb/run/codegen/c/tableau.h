@@ -12,7 +12,6 @@
 #define CHANGE_LEAST 0.3
 #define CHANGE_MOST 5.0  /* bounds of the factor of an accepted step */
 #define ERROR_LEAST 1e-4 /* smaller previous errors are replaced by this value */
-#define SHORTEST 1e-14   /* fraction of the horizon */
 #define MOST_MISSED 300.0 /* largest error of the interpolant at its last stage, in tolerances */
 #define LAST_STAGE 1.0   /* fraction of the step of the last stage */
 #define ROUNDED_STEP 1e-6 /* step over time. In shorter steps, rounding of the end changes the length */
