@@ -20,7 +20,7 @@ NORMAL = {"a": st.norm(0.5, 1.0), "b": st.norm(0.0, 2.0)}
 LEVELS = [0.01, 0.5, 0.9]
 
 
-@pytest.mark.parametrize("rho", [None, 0.8, -0.5])
+@pytest.mark.parametrize("rho", [None, 0.8, -0.5, 1.0, -1.0])
 @pytest.mark.parametrize("method", [mb.PolynomialChaos(), mb.Vertex()], ids=repr)
 def test_quantiles_of_sums_of_normal_parameters(rho, method):
     bounds = sums(method=method)
@@ -152,7 +152,7 @@ def test_monte_carlo_draws_from_laws():
         ({"levels": []}, "above 0 and below 1"), ({"laws": {}}, "must be given by name"),
         ({"laws": {"a": 3.0}}, "cdf and ppf"), ({"laws": {"c": st.norm()}}, "'c' is not a parameter of the box"),
         ({"laws": {"a": st.norm(99, 1)}}, "probability of 0 in its interval"),
-        ({"correlation": [[1, 2], [2, 1]]}, "not positive definite"), ({"correlation": [[1]]}, "2 x 2 matrix"),
+        ({"correlation": [[1, 2], [2, 1]]}, "not positive semidefinite"), ({"correlation": [[1]]}, "2 x 2 matrix"),
         ({"correlation": [[1, 0.5], [0.1, 1]]}, "symmetric"), ({"laws": {"a": st.multivariate_normal([0, 0])}}, "cdf"),
     ],
 )  # fmt: skip

@@ -251,7 +251,7 @@ class Answers(Envelope):
         ------
         DeclarationError
             If an output or a parameter is unknown, if a distribution or a level is invalid, if a distribution is
-            outside of the box, or if the correlations are not positive definite.
+            outside of the box, or if the correlations are not positive semidefinite.
         PropagationError
             If runs fail.
         """

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from symmb._errors import DeclarationError
-from symmb._magnitudes import SLIGHT
+from symmb._magnitudes import SAME, SLIGHT
 from symmb._names import did_you_mean, normal_keys
 from symmb._options import numbers_of, shown
 from symmb._types import Array, Indices
@@ -33,7 +33,7 @@ class Laws:
     columns : (n_l,)           indices of the parameters in the box
     distributions : n_l        objects with `cdf` and `ppf`, such as frozen distributions of SciPy
     masses : (n_l, 2)          distribution functions at the ends of the intervals
-    factor : (n_l, n_l)        Cholesky factor of the correlations of the copula; None for independent parameters
+    factor : (n_l, n_l)        F with F Fᵀ = correlations of the copula; None for independent parameters
     """
 
     names: tuple[str, ...]
@@ -59,7 +59,7 @@ class Laws:
             masses.append(_masses(owner, name, law, box))
         names = tuple(laws)
         columns = np.array([box.names.index(name) for name in names], dtype=np.intp)
-        factor = None if correlation is None else _cholesky(owner, correlation, names)
+        factor = None if correlation is None else _factor(owner, correlation, names)
         return cls(names, columns, tuple(laws.values()), np.array(masses), factor)
 
     @property
@@ -135,7 +135,7 @@ def _masses(owner: str, name: str, law: Any, box: Box) -> tuple[float, float]:
     return below, above
 
 
-def _cholesky(owner: str, correlation: object, names: tuple[str, ...]) -> Array:
+def _factor(owner: str, correlation: object, names: tuple[str, ...]) -> Array:
     matrix, n = numbers_of(correlation), len(names)
     if matrix is None or matrix.shape != (n, n):
         raise DeclarationError(
@@ -148,5 +148,8 @@ def _cholesky(owner: str, correlation: object, names: tuple[str, ...]) -> Array:
         )
     try:
         return np.asarray(np.linalg.cholesky(matrix), dtype=float)
-    except np.linalg.LinAlgError:
-        raise DeclarationError(f"{owner}: correlation is not positive definite: {shown(correlation)}.") from None
+    except np.linalg.LinAlgError:  # one parameter may follow from others, as with a correlation of 1
+        sizes, directions = np.linalg.eigh(matrix)
+    if sizes[0] < -SAME:
+        raise DeclarationError(f"{owner}: correlation is not positive semidefinite: {shown(correlation)}.")
+    return np.asarray(directions * np.sqrt(np.maximum(sizes, 0.0)), dtype=float)
