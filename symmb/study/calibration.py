@@ -21,7 +21,7 @@ from symmb.results.files import NOT_KEPT, Record, Saved, entry
 from symmb.run.integrate import Solver
 from symmb.run.simulation import Subject, chosen_parameters
 from symmb.study.consistent import ConsistentSet, consistent_set, errors_of
-from symmb.study.measurements import OWNER, limits_of, measured_values, noise_of_outputs, priors_of
+from symmb.study.measurements import OWNER, limits_of, measured_values, noise_of_outputs, priors_of, with_signs
 from symmb.study.residuals import (
     MAX_RUNS,
     UNDETERMINED,
@@ -41,6 +41,13 @@ def _series(record: Record, name: str) -> dict[str, Array]:
     """The numbers (n,) of each output with data, one for each of its times."""
     own, times = record.record(name), record.record("data_times")
     return {output: own.array(output, times.length(output)) for output in record.numbers("noise")}
+
+
+def _limits(record: Record, name: str) -> dict[str, Array]:
+    """Limits (2,) of parameters. Missing limits are nan in JSON."""
+    own = record.record(name)
+    ends = {key: own.with_nan(key, 2) for key in own.plain}
+    return {key: np.where(np.isnan(both), [-np.inf, np.inf], both) for key, both in ends.items()}
 
 
 def _sentences(record: Record, name: str) -> tuple[str, ...]:
@@ -79,6 +86,9 @@ class Calibration(plot.OverTimeBesideGiven, Counted, Result, WithWarnings, Saved
         units of the outputs, '' if not known
     priors : dict
         parameter -> value and standard deviation (2,) known before the fit
+    limits : dict
+        parameter -> limits (2,) of the search and of `box`: those of ``calibrate(box=)``, and limits of masses and
+        other numbers that cannot be negative
     study : Residuals
         the runs of the scene, for `consistent`; None if read from a file
 
@@ -109,6 +119,7 @@ class Calibration(plot.OverTimeBesideGiven, Counted, Result, WithWarnings, Saved
     evaluations: int
     units: tuple[str, ...] = ()
     priors: dict[str, Array] = field(default_factory=dict, metadata=entry(lambda record, name: record.arrays(name, 2)))
+    limits: dict[str, Array] = field(default_factory=dict, metadata=entry(_limits))
     study: Residuals | None = field(default=None, metadata=NOT_KEPT)
 
     _most = None
@@ -153,7 +164,7 @@ class Calibration(plot.OverTimeBesideGiven, Counted, Result, WithWarnings, Saved
         """Intervals that contain the true values of all parameters with at least the probability `level`.
 
         Each interval has the probability level ** (1 / n_p), by Šidák's inequality. If the noise is estimated,
-        Student's distribution gives the quantiles.
+        Student's distribution gives the quantiles. Intervals end at `limits`.
 
         Raises
         ------
@@ -168,7 +179,8 @@ class Calibration(plot.OverTimeBesideGiven, Counted, Result, WithWarnings, Saved
         tail = (1 + level ** (1 / len(self.parameters))) / 2
         factor = float(t(self.degrees).ppf(tail) if self.degrees else norm.ppf(tail))
         sizes = self.deviations
-        box = Box(**{n: (p - factor * sizes[n], p + factor * sizes[n]) for n, p in self.parameters.items()})
+        ends = {n: p + factor * sizes[n] * np.array([-1.0, 1.0]) for n, p in self.parameters.items()}
+        box = Box(**{n: tuple(np.clip(both, *self.limits.get(n, (None, None))).tolist()) for n, both in ends.items()})
         return box.with_units(units_of_parameters(self.parameters))
 
     def consistent(self, error: float | str | Mapping[str, float | str]) -> ConsistentSet:
@@ -356,6 +368,8 @@ def calibrate(
     units = units_of_parameters(simulator.parameters)
     nominal = {name: simulator.parameters[name] for name in some}
     limits, known = limits_of(box, nominal, units), priors_of(priors, nominal, units)
+    if is_scene:
+        limits = with_signs(limits, scene.system, nominal)
     if count + len(known) < (needed := len(some) + (not known_noise)):
         unknown, gave = counted(len(some), "parameter"), counted(count, "value")
         more = f"Give {needed} or more values"
@@ -377,7 +391,7 @@ def _fitted(fit: Residuals, known_noise: Mapping[str, float], name: str) -> Cali
     is_at_limit = (found.u == fit.limits).any(axis=0)
     undetermined += tuple(
         f"The estimate of {fit.names[k]!r} is at its limit {found.u[k] * fit.sizes[k]:g}, so it has no standard "
-        "deviation. Change the limit, or leave out this parameter."
+        "deviation. Change the limit or the nominal value, or leave out this parameter."
         for k in np.flatnonzero(is_at_limit).tolist()
     )
     open_ = is_at_limit | (np.linalg.norm(found.directions[~is_known], axis=0) > _LEAST_COMPONENT)
@@ -400,6 +414,11 @@ def _fitted(fit: Residuals, known_noise: Mapping[str, float], name: str) -> Cali
         fit.runs,
         tuple(units[fit.simulator.outputs.index(name)] for name in fit.measured),
         dict(fit.priors),
+        {
+            name: both
+            for name, both in zip(fit.names, (fit.limits * fit.sizes).T, strict=True)
+            if np.isfinite(both).any()
+        },
         fit,
     )
 
@@ -446,19 +465,35 @@ def _minimum(fit: Residuals, nominal: Array, begin: Array, known_noise: Mapping[
         u, noise = solution
         if (u < fit.limits[0]).any() or (u > fit.limits[1]).any():  # the nominal combinations are beyond a limit
             return first
-        slopes = fit(u)[1] / np.repeat(noise, fit.counts)[:, None]
-        if fit.is_robust:
-            slopes = slopes / fit.widening(u, noise)
-        slopes = np.concatenate([slopes, fit.prior(u)[1]])
-        _, sizes, directions = np.linalg.svd(slopes, full_matrices=False)
-        least = UNDETERMINED_BY_DIFFERENCES if fit.has_kinks else UNDETERMINED
-        sizes = np.where(sizes > least * sizes.max(initial=0.0), sizes, 0.0)
+        sizes, directions = _sensitivities(fit, u, noise)
         first = _Minimum(u, noise, sizes, directions)
         if (sizes > 0).all():
             break
         basis = directions[sizes > 0]  # changes of the fit in the other directions are arbitrary
         begin = nominal + (begin - nominal) @ basis.T @ basis
     return first
+
+
+def _sensitivities(fit: Residuals, u: Array, noise: Array) -> tuple[Array, Array]:
+    """Sensitivities (n_p,) of orthonormal combinations (n_p, n_p) of parameters; 0 if a combination is undetermined."""
+    deviations = np.repeat(noise, fit.counts)[:, None] * (fit.widening(u, noise) if fit.is_robust else 1.0)
+    _, sizes, directions = np.linalg.svd(fit(u)[1] / deviations, full_matrices=False)
+    least = UNDETERMINED
+    if fit.has_kinks and sizes.min() <= (least := UNDETERMINED_BY_DIFFERENCES) * sizes.max():
+        slopes, errors = fit.extrapolated(u)
+        if np.isfinite(slopes).all():
+            _, sizes, directions = np.linalg.svd(slopes / deviations, full_matrices=False)
+            # A determined combination changes the outputs by several times the error of its derivatives.
+            error = 10 * np.linalg.norm(errors / deviations) / (sizes.max() or 1.0)
+            least = float(np.clip(error, UNDETERMINED, UNDETERMINED_BY_DIFFERENCES))
+    is_known = sizes > least * sizes.max()
+    prior = fit.prior(u)[1]  # a parameter with a prior is determined, even if the data are much more precise
+    units = np.concatenate([directions[is_known], prior / np.linalg.norm(prior, axis=1, keepdims=True)])
+    _, shares, basis = np.linalg.svd(units)
+    rank = int((shares > UNDETERMINED).sum())
+    rows = np.concatenate([sizes[is_known, None] * directions[is_known], prior])
+    _, sizes, directions = np.linalg.svd(rows @ basis[:rank].T, full_matrices=False)
+    return np.append(sizes, np.zeros(len(u) - rank)), np.concatenate([directions @ basis[:rank], basis[rank:]])
 
 
 def _undetermined(names: Sequence[str], direction: Array) -> str:

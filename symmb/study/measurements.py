@@ -6,12 +6,16 @@ from typing import Any
 import numpy as np
 
 from symmb._errors import DeclarationError
+from symmb._magnitudes import SLIGHT, SMALL
 from symmb._names import normal_keys
 from symmb._options import numbers_of, require_instance, require_name, require_positive, shown
 from symmb._types import Array
-from symmb.equations.model import Box, require_only_intervals
+from symmb.equations.model import Box, System, require_only_intervals
 
 OWNER = "calibrate"
+_LEAST_POSITIVE = SMALL
+"""Smallest value of a parameter that must be above 0, divided by its nominal value. With a mass of one millionth, a
+damped run takes millions of steps."""
 
 
 def measured_values(
@@ -85,6 +89,29 @@ def limits_of(
                 f"{OWNER}: the nominal value {nominal[name]:g} of {name!r} must be between its limits {lower:g} and "
                 f"{upper:g}, because the search starts there."
             )
+    return found
+
+
+def with_signs(
+    limits: Mapping[str, tuple[float, float]], system: System, nominal: Mapping[str, float]
+) -> dict[str, tuple[float, float]]:
+    """The limits, not below 0 for parameters whose sign is that of a mass or of another number that must be positive.
+
+    If the number must be above 0, the limit is a small part of the nominal value.
+    """
+    found, order, positive = dict(limits), list(system.parameters), system.positive[1]
+    # Three values of the other parameters: the sign must not depend on them.
+    others = system.parameters.nominal * np.random.default_rng(0).uniform(0.5, 2.0, (3, len(order)))
+    for name, value in nominal.items():
+        P = np.repeat(others[:, None], 3, axis=1)
+        P[:, :, order.index(name)] = np.array([-SLIGHT, 0.0, SLIGHT]) * abs(value)
+        below, at, above = np.reshape([np.ravel(positive(p)) for p in P.reshape(-1, len(order))], (3, 3, -1)).swapaxes(
+            0, 1
+        )
+        if (has_sign := ((above > 0) & ~(below > 0)).all(axis=0)).any():
+            lower, upper = found.get(name, (-np.inf, np.inf))
+            least = 0.0 if (at > 0)[:, has_sign].all() else _LEAST_POSITIVE * value
+            found[name] = max(lower, least), upper
     return found
 
 
