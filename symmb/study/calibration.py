@@ -71,7 +71,7 @@ class Calibration(plot.OverTimeBesideGiven, Counted, Result, WithWarnings, Saved
         covariance of the estimates, for independent, normal errors of the data. If the data do not determine a
         parameter, or its estimate is at a limit, its variance is inf, and its covariances are nan
     noise : dict
-        output -> standard deviation of the data, given or estimated
+        output -> standard deviation of the data, given or estimated, but not below the error of the runs
     times, data, residuals : dict
         output -> (n,) times [s], data, and data minus the outputs of the fitted run
     degrees : int
@@ -415,9 +415,9 @@ def _fitted(fit: Residuals, known_noise: Mapping[str, float], name: str) -> Cali
         tuple(units[fit.simulator.outputs.index(name)] for name in fit.measured),
         dict(fit.priors),
         {
-            name: both
-            for name, both in zip(fit.names, (fit.limits * fit.sizes).T, strict=True)
-            if np.isfinite(both).any()
+            name: ends
+            for name, ends in zip(fit.names, (fit.limits * fit.sizes).T, strict=True)
+            if (abs(ends) < np.inf).any()
         },
         fit,
     )
@@ -441,6 +441,7 @@ def _best(fit: Residuals, known_noise: Mapping[str, float]) -> tuple[_Minimum, t
     nominal = fit.p[fit.columns] / fit.sizes
     if not np.isfinite(fit(nominal)[0]).all():
         raise SimulationError(f"{OWNER}: the run with the nominal parameters fails. Call simulate(scene) to see why.")
+    known_noise = {output: max(size, fit.least_noise[output]) for output, size in known_noise.items()}
     best, doubts, cost = None, (), np.inf
     for k, begin in enumerate(itertools.chain([nominal], other_minima(fit, nominal))):
         found = _minimum(fit, nominal, begin, known_noise)

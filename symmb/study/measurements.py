@@ -68,7 +68,7 @@ def noise_of_outputs(noise: Mapping[str, float] | None, measured: Mapping[str, A
         )
     for name, value in noise.items():
         require_positive(OWNER, f"noise of {name!r}", value)
-    return {name: float(value) for name, value in noise.items()}
+    return {name: float(noise[name]) for name in measured}
 
 
 def limits_of(
@@ -103,15 +103,15 @@ def with_signs(
     # Three values of the other parameters: the sign must not depend on them.
     others = system.parameters.nominal * np.random.default_rng(0).uniform(0.5, 2.0, (3, len(order)))
     for name, value in nominal.items():
-        P = np.repeat(others[:, None], 3, axis=1)
-        P[:, :, order.index(name)] = np.array([-SLIGHT, 0.0, SLIGHT]) * abs(value)
-        below, at, above = np.reshape([np.ravel(positive(p)) for p in P.reshape(-1, len(order))], (3, 3, -1)).swapaxes(
-            0, 1
-        )
-        if (has_sign := ((above > 0) & ~(below > 0)).all(axis=0)).any():
+        sides = []
+        for part in (-SLIGHT, 0.0, SLIGHT):
+            P = others.copy()
+            P[:, order.index(name)] = part * (abs(value) or 1.0)
+            sides.append(np.array([np.ravel(positive(p)) for p in P]) > 0)
+        below, at, above = sides
+        if (has_sign := (above & ~below).all(axis=0)).any():
             lower, upper = found.get(name, (-np.inf, np.inf))
-            least = 0.0 if (at > 0)[:, has_sign].all() else _LEAST_POSITIVE * value
-            found[name] = max(lower, least), upper
+            found[name] = max(lower, 0.0 if at[:, has_sign].all() else _LEAST_POSITIVE * value), upper
     return found
 
 

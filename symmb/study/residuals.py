@@ -24,6 +24,9 @@ does. Runs have errors of about 1e-9. Differences only count beside priors: with
 the effect of the prior on a combination that the data do not determine (`benchmarks/exact_fits.py`)."""
 FALSE_WARNING = 1e-4
 """Probability of a false warning, for each test."""
+FALSE_CORRELATION = 1e-6
+"""The same for the test of correlation in time. Its statistic has a long tail, because residuals of fits to few values
+are correlated: 20 values and three parameters exceed this level with a probability of 2e-4, and 1e-4 with 2e-3."""
 FEWEST_TESTED = 12
 """Smallest number of values of an output for a test of its residuals. Tests of independence need many values."""
 MOST_LEVERAGE = 0.5
@@ -106,9 +109,10 @@ class Residuals:
         return self.placed(self.simulator.run(self._parameters(U)).Y)
 
     @property
-    def least_noise(self) -> Array:
-        """The smallest noise (n_y,) of the outputs."""
-        return self.spreads * (LEAST_NOISE_BY_DIFFERENCES if self.has_kinks and self.priors else LEAST_NOISE)
+    def least_noise(self) -> dict[str, float]:
+        """The smallest noise of each output."""
+        share = LEAST_NOISE_BY_DIFFERENCES if self.has_kinks and self.priors else LEAST_NOISE
+        return dict(zip(self.measured, (share * self.spreads).tolist(), strict=True))
 
     def parts(self, values: Array) -> list[Array]:
         """The values of each output, from values (N,) of all outputs."""
@@ -162,24 +166,24 @@ def least_squares(
 
     Parameters change from `begin` along the orthonormal rows of `basis`. The result is None if the fit does not end.
     """
-    u, least = begin, fit.least_noise
-    given = np.maximum([*known_noise.values()], least) if known_noise else None
-    noise = fit.spreads if given is None or fit.priors else given
-    # Number of fits with weights from the previous residuals. With ten values for each output, weights converge to 1 %.
-    # Outliers need more fits. Beside a prior, the first fit has small weights, because a search along a combination
-    # that precise data do not determine takes too many steps.
-    for _ in range((2 if fit.priors else 1) if known_noise else 10 if fit.is_robust else 3):
+    given = np.array([*known_noise.values()])
+    noise, u = fit.spreads if fit.priors or not known_noise else given, begin
+    # Fits with weights from the previous residuals. Two to four fits are usual, and outliers need more. Beside a prior,
+    # the first fit has small weights: searches along combinations that precise data do not determine take many steps.
+    for _ in range(10):
         if len(basis):
             found = _minimum(fit, u, basis, np.repeat(1 / noise, fit.counts))
             if found is None:
                 return None
             u = found
-        if given is None:  # divide the number of parameters between the outputs
+        before, noise = noise, given
+        if not known_noise:  # divide the number of parameters between the outputs
             share = 1 - (len(basis) - len(fit.priors)) / len(fit.data)
-            size, floor = (robust_size, NOISE_OF_RUNS * fit.spreads) if fit.is_robust else (rms_of, least)
-            noise = np.maximum([size(part) / np.sqrt(share) for part in fit.parts(fit(u)[0])], floor)
-        else:
-            noise = given
+            size, share_of_spread = (robust_size, NOISE_OF_RUNS) if fit.is_robust else (rms_of, 0.0)
+            least = np.maximum(share_of_spread * fit.spreads, [*fit.least_noise.values()])
+            noise = np.maximum([size(part) / np.sqrt(share) for part in fit.parts(fit(u)[0])], least)
+        if np.allclose(noise, before, rtol=0.01, atol=0.0):
+            break
     return u, noise
 
 
@@ -286,7 +290,7 @@ def residual_doubts(fit: Residuals, u: Array, known_noise: Mapping[str, float], 
                 f"The fitted run explains little of {name}: its residuals vary as much as the data. Start with other "
                 "nominal values, or change the model."
             )
-        elif _chance_of_independence(r[np.argsort(t, kind="stable")]) < FALSE_WARNING:
+        elif _chance_of_independence(r[np.argsort(t, kind="stable")]) < FALSE_CORRELATION:
             doubts.append(
                 f"Residuals of {name} are correlated in time, so they are not noise. The model does not "
                 "describe the data, or another minimum fits better. The standard deviations are too small."

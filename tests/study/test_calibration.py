@@ -11,6 +11,7 @@ from faults import refused, warned
 from scipy.optimize import curve_fit, least_squares, lsq_linear
 
 import symmb as mb
+from symmb.study.measurements import with_signs
 
 T = np.linspace(0.0, 4.0, 41)
 
@@ -329,6 +330,88 @@ def test_a_prior_determines_what_the_data_do_not():
     ratio = mb.calibrate(oscillator(), data, ["k", "c"]).parameters["k"]
     assert fit.parameters["m"] == pytest.approx(1.1) and fit.deviations["m"] == pytest.approx(0.05, rel=1e-3)
     assert fit.parameters["k"] == pytest.approx(1.1 * ratio, rel=1e-4)
+
+
+@pytest.mark.parametrize("given", [1.3, 1.5])
+@pytest.mark.parametrize("size", [None, 1e-8])
+@pytest.mark.parametrize("is_scene", [False, True])
+def test_precise_data_and_a_prior_give_the_ratio_and_the_prior(size, given, is_scene):
+    """The data determine k / m to many digits. The prior determines m, so that k has the deviation of m times k / m."""
+    ratio, t = 7.6 / 1.3, np.linspace(0.0, 3.0, 31)
+    run = lambda m, k: 0.4 * np.cos(np.sqrt(k / m) * t)  # noqa: E731
+    function = mb.FunctionSimulator(run, {"m": 1.3, "k": 7.0}, t, ["x"])
+    scene = sprung(t, m=1.3, k=7.0, a=0.4) if is_scene else function
+    y = run(1.3, 7.6) + (size or 0.0) * np.random.default_rng(2).standard_normal(31)
+    fit = mb.calibrate(scene, {"x": y}, ["m", "k"], priors={"m": (given, 0.01)}, noise=size and {"x": size})
+    assert fit.parameters["k"] / fit.parameters["m"] == pytest.approx(ratio, rel=1e-6)
+    assert fit.parameters == pytest.approx({"m": given, "k": given * ratio}, rel=1e-4)
+    assert fit.deviations == pytest.approx({"m": 0.01, "k": 0.01 * ratio}, rel=1e-3) and not fit.warnings
+
+
+def test_a_parameter_with_a_prior_is_known_beside_undetermined_ones():
+    data = {"x": swing(T, 6.3, 0.21)}
+    fit = warned(
+        "determine 'm', 'k' separately", mb.calibrate, sprung(m=1.0, k=6.0, a=0.5), data, priors={"a": (0.5, 9)}
+    )
+    assert np.isfinite(fit.deviations["a"]) and np.isinf(fit.deviations["m"])
+    fit = mb.calibrate(oscillator(), data, ["k", "c", "unused"], priors={"unused": (3.0, 0.2)})
+    assert fit.parameters["unused"] == pytest.approx(3.0) and fit.deviations["unused"] == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_boxes_of_precise_data_contain_the_true_values(seed):
+    """Errors of runs are not random, so that they do not average out."""
+    rng = np.random.default_rng(seed)
+    truth = {"k": rng.uniform(4.0, 9.0), "c": rng.uniform(0.05, 0.4)}
+    box = mb.calibrate(sprung(k=5.0, c=0.2), {"x": swing(T, **truth)}).box()
+    for name, (low, high) in zip(box.names, box.bounds, strict=True):
+        assert low < truth[name] < high and high - low < 1e-4
+
+
+def test_given_noise_belongs_to_outputs_by_name():
+    y = {"x": swing(T, 6.3, 0.21), "v": np.gradient(swing(T, 6.3, 0.21), T)}
+    sizes = {"x": 1e-3, "v": 0.1}
+    fits = [
+        mb.calibrate(oscillator(), y, ["k", "c"], noise=dict(pairs))
+        for pairs in (sizes.items(), [*sizes.items()][::-1])
+    ]
+    assert fits[0].parameters == fits[1].parameters and fits[0].noise == fits[1].noise == sizes
+
+
+def falling_squares(m, t, rng):
+    """A damped mass so small that it does not show; with m below 0, the squares of a start that leads fall further."""
+    return 0.4 * np.exp(-2.0 * (t + (0.02 if m < 0 else 0.0) * (t > 0))) + 0.004 * rng.standard_normal(len(t))
+
+
+@pytest.mark.parametrize("m", [0.0, -1.0])
+def test_masses_are_not_negative(m, tmp_path):
+    t = np.linspace(0.0, 3.0, 61)
+    data = {"x": falling_squares(m, t, np.random.default_rng(0))}
+    scene = sprung(t, m=1.0, k=2.0, c=0.8, a=0.4)
+    if m < 0:
+        fit = warned("'m' is at its limit 0.001,", mb.calibrate, scene, data, ["m", "c"])
+        assert fit.parameters["m"] == 0.001 and np.isinf(fit.deviations["m"])
+        refused("is at its limit", fit.box)
+        return
+    fit = mb.calibrate(scene, data, ["m", "c"])
+    assert 3 * fit.deviations["m"] > fit.parameters["m"]
+    for one in (fit, reloaded(fit, tmp_path / "a.json"), reloaded(fit, tmp_path / "a.npz")):
+        assert one.limits["m"].tolist() == [0.001, np.inf] and [*one.limits] == ["m"]
+        assert one.box()["m"][0] == 0.001 and one.box()["c"][0] < 1.0 < one.box()["c"][1]
+
+
+def test_limits_are_those_of_numbers_that_cannot_be_negative():
+    p = mb.Parameters(density=2.0, width=0.5, extra=0.1, inertia=0.2, stiffness=100.0, damping=0.0, drag=0.3)
+    body = mb.Body("body", p.density * p.width**2 + p.extra, p.inertia, pose=mb.Planar())
+    floor = mb.KelvinVoigt(p.stiffness, p.damping)
+    contact = mb.Contact("floor", body.point(0, 0), mb.Ground().point(0, 0), (0, 1), floor)
+    drag = mb.Force("drag", body.point(0, 0), (0, -p.drag * body.vy))
+    system = mb.System(body, contact, drag, mb.Gravity(0, -9.81), parameters=p)
+    found = with_signs({"inertia": (0.1, 1.0), "damping": (-1.0, 2.0)}, system, dict(p))
+    assert found == {"inertia": (0.1, 1.0), "stiffness": (0.1, np.inf), "damping": (0.0, 2.0)}
+    ball = mb.Body("ball", p.density * p.width, pose=mb.Particle())
+    found = with_signs({}, mb.System(ball, parameters=p), dict(p))
+    assert found == {"density": (0.002, np.inf), "width": (0.0005, np.inf)}
 
 
 @pytest.mark.parametrize("seed", range(4))
