@@ -1,13 +1,12 @@
 """Parameters of a scene from measured outputs, by least squares."""
 
-import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from symmb._errors import DeclarationError, SimulationError, WithWarnings, warn_of
+from symmb._errors import DeclarationError, WithWarnings, warn_of
 from symmb._interrupts import kept_interrupts
 from symmb._labelled import Counted, Labelled, Result, over_parameters, texts
 from symmb._names import ByName, counted
@@ -20,18 +19,10 @@ from symmb.results import plot
 from symmb.results.files import NOT_KEPT, Record, Saved, entry
 from symmb.run.integrate import Solver
 from symmb.run.simulation import Subject, chosen_parameters
+from symmb.study.best_fit import best_fit
 from symmb.study.consistent import ConsistentSet, consistent_set, errors_of
 from symmb.study.measurements import OWNER, limits_of, measured_values, noise_of_outputs, priors_of, with_signs
-from symmb.study.residuals import (
-    MAX_RUNS,
-    UNDETERMINED,
-    UNDETERMINED_BY_DIFFERENCES,
-    Residuals,
-    cost_of,
-    least_squares,
-    other_minima,
-    residual_doubts,
-)
+from symmb.study.residuals import Residuals
 
 _LEAST_COMPONENT = 0.05
 """A parameter is undetermined if its component in an undetermined combination exceeds this value."""
@@ -312,7 +303,8 @@ def calibrate(
     noise : mapping
         output -> standard deviation of its data
     box : Box
-        limits of some or all parameters. No run is outside of the limits
+        limits of some or all parameters. No run is outside of the limits. Parameters of a scene that must be positive,
+        such as masses, are also limited by a thousandth of their nominal values
     priors : mapping
         parameter -> value and standard deviation known before the fit: (7.0, 0.1), (7.0, 0.1, "N/m") or
         "7.0 N/m ±0.1 N/m". Each prior is one more residual
@@ -383,7 +375,7 @@ def calibrate(
 
 
 def _fitted(fit: Residuals, known_noise: Mapping[str, float], name: str) -> Calibration:
-    found, doubts = _best(fit, known_noise)
+    found, doubts = best_fit(fit, known_noise)
     is_known = found.sizes > 0
     root = fit.sizes[:, None] * found.directions[is_known].T / found.sizes[is_known]
     covariance = root @ root.T
@@ -421,80 +413,6 @@ def _fitted(fit: Residuals, known_noise: Mapping[str, float], name: str) -> Cali
         },
         fit,
     )
-
-
-class _Minimum(NamedTuple):
-    """The result of one fit.
-
-    `u` (n_p,) are relative parameters. `noise` (n_y,) is the noise of the outputs. Rows of `directions` are orthonormal
-    combinations of relative parameters. `sizes` are their sensitivities; 0 if the data do not determine a combination.
-    """
-
-    u: Array
-    noise: Array
-    sizes: Array
-    directions: Array
-
-
-def _best(fit: Residuals, known_noise: Mapping[str, float]) -> tuple[_Minimum, tuple[str, ...]]:
-    """The best fit and its warnings. More fits follow if the fit from the nominal parameters fails or has warnings."""
-    nominal = fit.p[fit.columns] / fit.sizes
-    if not np.isfinite(fit(nominal)[0]).all():
-        raise SimulationError(f"{OWNER}: the run with the nominal parameters fails. Call simulate(scene) to see why.")
-    known_noise = {output: max(size, fit.least_noise[output]) for output, size in known_noise.items()}
-    best, doubts, cost = None, (), np.inf
-    for k, begin in enumerate(itertools.chain([nominal], other_minima(fit, nominal))):
-        found = _minimum(fit, nominal, begin, known_noise)
-        if found is not None and (own := cost_of(fit, found.u, found.noise)) < cost:
-            best, cost = found, own
-            degrees = len(fit.data) + len(fit.priors) - int((found.sizes > 0).sum())
-            doubts = residual_doubts(fit, found.u, known_noise, degrees)
-        if k == 0 and best is not None and not doubts:
-            break
-    if best is None:
-        raise SimulationError(f"{OWNER}: the fit has not ended after {MAX_RUNS} runs. Give better nominal values.")
-    return best, doubts
-
-
-def _minimum(fit: Residuals, nominal: Array, begin: Array, known_noise: Mapping[str, float]) -> _Minimum | None:
-    """The fit that starts at parameters `begin`; None if it does not end. Undetermined combinations stay nominal."""
-    basis, first = np.eye(len(begin)), None
-    for _ in range(2):
-        solution = least_squares(fit, begin, basis, known_noise)
-        if solution is None:
-            return None
-        u, noise = solution
-        if (u < fit.limits[0]).any() or (u > fit.limits[1]).any():  # the nominal combinations are beyond a limit
-            return first
-        sizes, directions = _sensitivities(fit, u, noise)
-        first = _Minimum(u, noise, sizes, directions)
-        if (sizes > 0).all():
-            break
-        basis = directions[sizes > 0]  # changes of the fit in the other directions are arbitrary
-        begin = nominal + (begin - nominal) @ basis.T @ basis
-    return first
-
-
-def _sensitivities(fit: Residuals, u: Array, noise: Array) -> tuple[Array, Array]:
-    """Sensitivities (n_p,) of orthonormal combinations (n_p, n_p) of parameters; 0 if a combination is undetermined."""
-    deviations = np.repeat(noise, fit.counts)[:, None] * (fit.widening(u, noise) if fit.is_robust else 1.0)
-    _, sizes, directions = np.linalg.svd(fit(u)[1] / deviations, full_matrices=False)
-    least = UNDETERMINED
-    if fit.has_kinks and sizes.min() <= (least := UNDETERMINED_BY_DIFFERENCES) * sizes.max():
-        slopes, errors = fit.extrapolated(u)
-        if np.isfinite(slopes).all():
-            _, sizes, directions = np.linalg.svd(slopes / deviations, full_matrices=False)
-            # A determined combination changes the outputs by several times the error of its derivatives.
-            error = 10 * np.linalg.norm(errors / deviations) / (sizes.max() or 1.0)
-            least = float(np.clip(error, UNDETERMINED, UNDETERMINED_BY_DIFFERENCES))
-    is_known = sizes > least * sizes.max()
-    prior = fit.prior(u)[1]  # a parameter with a prior is determined, even if the data are much more precise
-    units = np.concatenate([directions[is_known], prior / np.linalg.norm(prior, axis=1, keepdims=True)])
-    _, shares, basis = np.linalg.svd(units)
-    rank = int((shares > UNDETERMINED).sum())
-    rows = np.concatenate([sizes[is_known, None] * directions[is_known], prior])
-    _, sizes, directions = np.linalg.svd(rows @ basis[:rank].T, full_matrices=False)
-    return np.append(sizes, np.zeros(len(u) - rank)), np.concatenate([directions @ basis[:rank], basis[rank:]])
 
 
 def _undetermined(names: Sequence[str], direction: Array) -> str:

@@ -21,7 +21,7 @@ for extrapolated differences, if their errors are small."""
 LEAST_NOISE, LEAST_NOISE_BY_DIFFERENCES = 1e-7, 1e-5
 """Smallest noise, divided by the spread of the data. Errors of runs and of their derivatives change estimates as noise
 does. Runs have errors of about 1e-9. Differences only count beside priors: with a smaller noise, their errors exceed
-the effect of the prior on a combination that the data do not determine (`benchmarks/exact_fits.py`)."""
+the effect of the prior on a combination that the data do not determine (`benchmarks/calibrations.py --precise`)."""
 FALSE_WARNING = 1e-4
 """Probability of a false warning, for each test."""
 FALSE_CORRELATION = 1e-6
