@@ -155,7 +155,9 @@ class Residuals:
         Y[(U != u + steps).any(axis=1)] = np.nan
         ahead, behind = (Y[1 : n + 1] - Y[0]) / step, (Y[0] - Y[n + 1 :]) / step
         smaller = np.where((np.abs(ahead) < np.abs(behind)) | np.isnan(behind), ahead, behind)
-        alike = np.abs(ahead - behind) < np.abs(smaller)
+        # Near a zero of a smooth slope, both differences are small beside the largest slope of the output.
+        largest = np.fmax.reduceat(np.abs(smaller), np.cumsum([0, *self.counts[:-1]]), axis=1)
+        alike = np.abs(ahead - behind) < np.fmax(np.abs(smaller), 0.1 * np.repeat(largest, self.counts, axis=1))
         return Y[0], np.where(alike, (ahead + behind) / 2, smaller)
 
 
