@@ -29,6 +29,8 @@ FALSE_CORRELATION = 1e-6
 are correlated: 20 values and three parameters exceed this level with a probability of 2e-4, and 1e-4 with 2e-3."""
 FEWEST_TESTED = 12
 """Smallest number of values of an output for a test of its residuals. Tests of independence need many values."""
+NEAR_LIMIT = 0.05
+"""Largest distance from a limit, in relative parameters, at which a search may have ended because of the limit."""
 MOST_LEVERAGE = 0.5
 """Largest leverage of an outlier. Without this, the first of 33 values of two decays, with a leverage of 0.8, was an
 outlier in the certified fit of NIST's problem MGH17."""
@@ -209,11 +211,18 @@ def _minimum(fit: Residuals, begin: Array, basis: Array, weights: Array, held: f
         others = squares[n:]
         return np.hstack([fit.loss(squares[:n]), [others, np.ones_like(others), np.zeros_like(others)]])
 
-    # Limits apply to single parameters. "dogbox" ends exactly at a limit.
+    # Limits apply to single parameters.
     is_limited = d == len(begin) and bool(np.isfinite(fit.limits).any())
-    limits: Any = {"bounds": fit.limits, "method": "dogbox"} if is_limited else {}
+    limits: Any = {"bounds": fit.limits} if is_limited else {}
     how: Any = {"loss": loss if fit.is_robust else "linear", "max_nfev": MAX_RUNS, **limits}
     solution = least_squares(residuals, along, jac=cast(Any, slopes), **how)
+    # The search ends before a limit. "dogbox" starts at the limit, and stays there if the squares fall further beyond,
+    # but it goes far along combinations that the data do not determine, so it does not search alone.
+    near = np.abs(solution.x - fit.limits) < NEAR_LIMIT if is_limited else np.zeros(0, dtype=bool)
+    if near.any():
+        at = np.where(near[0], fit.limits[0], np.where(near[1], fit.limits[1], solution.x))
+        start = at if all(np.isfinite(part).all() for part in fit(at)) else solution.x
+        solution = least_squares(residuals, start, jac=cast(Any, slopes), method="dogbox", **how)
     return rest + solution.x @ basis if solution.status else None
 
 
