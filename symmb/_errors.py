@@ -1,5 +1,6 @@
 """The errors that users see, one class for each stage that can fail, and the warning."""
 
+import sys
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -180,4 +181,11 @@ def text_of(error: BaseException) -> str:
 def warn_of(doubts: Sequence[str], subject: str) -> None:
     """Issue one SymmbWarning about what is uncertain in a result, at the line of the user's code that made the call."""
     if doubts:
-        warnings.warn(f"{subject}: {' '.join(doubts)}", SymmbWarning, stacklevel=3)
+        level, frame = 1, sys._getframe()
+        while frame is not None and frame.f_globals.get("__name__", "").partition(".")[0] in _NO_USER:
+            level, frame = level + 1, frame.f_back
+        warnings.warn(f"{subject}: {' '.join(doubts)}", SymmbWarning, stacklevel=level)
+
+
+_NO_USER = {__name__.partition(".")[0], "contextlib"}
+"""Packages whose lines are not the user's. Functions of `contextlib` call decorated functions."""

@@ -5,7 +5,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from types import FrameType
+from types import FrameType, FunctionType
 from typing import Any
 
 Handler = Callable[[int, FrameType | None], Any]
@@ -94,7 +94,8 @@ class _Repeated:
 def kept_interrupts() -> Iterator[None]:
     """A context or decorator for work with CasADi, which otherwise loses one of ten interrupts.
 
-    All functions that start such work use this context. Elsewhere, the signal handlers of the caller are active.
+    All functions that start such work use this context, and so do all methods of results. Elsewhere, the signal
+    handlers of the caller are active.
     """
     if isinstance(signal.getsignal(signal.SIGINT), _Repeated):
         yield
@@ -111,6 +112,19 @@ def kept_interrupts() -> Iterator[None]:
     finally:
         for each in made:
             each.end()
+
+
+def keep_interrupts(kind: type) -> None:
+    """Decorate the public methods of a class, and those of its bases in this package, with `kept_interrupts`."""
+    package = __name__.partition(".")[0]
+    for base in kind.__mro__:
+        for name, method in list(vars(base).items()) if base.__module__.partition(".")[0] == package else ():
+            is_of_class = isinstance(method, classmethod)
+            function = method.__func__ if is_of_class else method
+            is_public = name == "__call__" or not name.startswith("_")
+            if is_public and isinstance(function, FunctionType) and not hasattr(function, "__wrapped__"):
+                kept = kept_interrupts()(function)
+                setattr(base, name, classmethod(kept) if is_of_class else kept)
 
 
 class Interrupts(ExitStack):

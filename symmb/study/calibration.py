@@ -214,8 +214,7 @@ class Calibration(plot.OverTimeBesideGiven, Counted, Result, WithWarnings, Saved
         self._require_determined("consistent")
         if self.study is None:
             raise DeclarationError("Calibration.consistent: a fit from a file has no scene. Call calibrate again.")
-        with kept_interrupts():
-            found = consistent_set(self.study, self.name, self.parameters, errors)
+        found = consistent_set(self.study, self.name, self.parameters, errors)
         warn_of(found.doubts, f"Calibration.consistent: {self.name}")
         return found
 
@@ -270,6 +269,7 @@ class Calibration(plot.OverTimeBesideGiven, Counted, Result, WithWarnings, Saved
         return Labelled(coordinates, variables, about, {"time": "s"}, ("parameter",))
 
 
+@kept_interrupts()
 def calibrate(
     scene: Scene | Simulator,
     data: Mapping[str, Any],
@@ -367,9 +367,8 @@ def calibrate(
         more = f"Give {needed} or more values"
         rest = f"{unknown}. {more}" if known_noise else f"{unknown} and the noise. {more}, or noise="
         raise DeclarationError(f"{OWNER}: {gave} cannot determine {rest}, or estimate fewer parameters.")
-    with kept_interrupts():
-        name = str(getattr(scene, "name", repr(scene)))
-        result = _fitted(Residuals(simulator, some, measured, limits, known, robust), known_noise, name)
+    name = str(getattr(scene, "name", repr(scene)))
+    result = _fitted(Residuals(simulator, some, measured, limits, known, robust), known_noise, name)
     warn_of(result.doubts, f"{OWNER}: {name}")
     return result
 

@@ -39,6 +39,7 @@ Progress = Callable[[str, int, int], None]
 """A function that is called with the label of the work, the number of finished runs and the number of all runs."""
 
 
+@kept_interrupts()
 def compare(
     scene_or_simulator: Scene | Simulator,
     methods: Sequence[Method | Bounds | str] | Method | Bounds | str | None = None,
@@ -104,7 +105,7 @@ def compare(
     require_callable("compare: progress", progress, "label", "done", "all")
     if reference is not None and not isinstance(reference, Bounds):
         reference = method_of("compare: reference", reference)
-    with kept_interrupts(), shown(progress, "comparing methods") as progress:
+    with shown(progress, "comparing methods") as progress:
         simulator, box = Subject.of(scene_or_simulator, solver, times, outputs, device).over(box)
         about: dict[str, Any] = {"scene": repr(simulator), "units": units_of(simulator)}
         if isinstance(simulator, SceneSimulator):

@@ -127,6 +127,7 @@ class Design(Counted, Result):
         return Labelled(coordinates, variables, {"binding": "\n".join(self.binding)}, {}, ("design", "parameter"))
 
 
+@kept_interrupts()
 def design(
     scene_or_simulator: Scene | Simulator,
     variables: Mapping[str, Any],
@@ -214,7 +215,7 @@ def design(
     used = [name for name in simulator.outputs if name in pairs or name in dict(asked)]
     if not used:
         raise DeclarationError(f"{OWNER}: the objective {_COST!r} needs a limit of an output.")
-    with kept_interrupts(), shown_runs(progress, OWNER) as progress:
+    with shown_runs(progress, OWNER) as progress:
         simulator = of_outputs(simulator, used)
         columns = {name: k for k, name in enumerate(simulator.outputs)} | ({} if costs is None else {_COST: COST})
         goals, held = [Goal(columns[name], side or "upper") for name, side in asked], list[Goal]()

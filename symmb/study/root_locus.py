@@ -8,6 +8,7 @@ import numpy as np
 
 from symmb import _html as html
 from symmb._errors import DeclarationError, WithWarnings
+from symmb._interrupts import kept_interrupts
 from symmb._labelled import Counted
 from symmb._names import did_you_mean
 from symmb._options import require_instance, whole
@@ -156,6 +157,7 @@ def _ends(record: Record, n: int, k: int) -> tuple[Array, Array]:
     return record.with_nan("lower", n, k), record.with_nan("upper", n, k)
 
 
+@kept_interrupts()
 def root_locus(
     scene: Scene,
     parameter: str,

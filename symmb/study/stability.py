@@ -152,6 +152,7 @@ class Stability(plot.ThreeDiagrams, WithWarnings, Saved):
         return plot.plot_stability(self.times, points, drift, stress, title=self.scene, style=style)
 
 
+@kept_interrupts()
 def stability(
     scene: Scene, progress: Callable[[str, int, int], None] | None = None, *, seconds: float = 70.0
 ) -> Stability:
@@ -199,7 +200,7 @@ def stability(
     scene = scene_of(scene).curves  # variants have other times
     require_positive("stability", "seconds", seconds)
     require_callable("stability: progress", progress, "label", "done", "all")
-    with kept_interrupts(), shown(progress, f"trying solvers on {scene.name}") as progress:
+    with shown(progress, f"trying solvers on {scene.name}") as progress:
         study = _StabilityStudy(scene, progress)
         # Trials of the scene itself end after half of the time. The harder variants use the remaining time.
         limit, half = 3 / 70 * seconds, 0.5 * seconds

@@ -172,6 +172,7 @@ class Tolerances(Counted, Result, Saved):
         )
 
 
+@kept_interrupts()
 def tolerances(
     scene: Scene | Simulator,
     limits: Limits,
@@ -238,7 +239,7 @@ def tolerances(
         )
     if laws is not None and yield_ is None:
         raise DeclarationError(f"{OWNER}: laws need a yield, such as yield_=0.9973.")
-    with kept_interrupts(), shown_runs(progress, OWNER) as progress:
+    with shown_runs(progress, OWNER) as progress:
         simulator, shape = Subject.of(scene, solver).over(box)
         require_only_intervals("tolerances", shape)
         pairs = limit_pairs(OWNER, limits, simulator.outputs, units_of(simulator))

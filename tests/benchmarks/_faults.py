@@ -272,8 +272,8 @@ FAULTS = (
         "index",
         "the line that a warning names, which is not the user's",
         "symmb/_errors.py",
-        "SymmbWarning, stacklevel=3)",
-        "SymmbWarning, stacklevel=2)",
+        "SymmbWarning, stacklevel=level)",
+        "SymmbWarning, stacklevel=level - 1)",
         "simulation adaptive answers methods model",
     ),
     Fault(

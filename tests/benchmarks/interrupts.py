@@ -9,6 +9,9 @@ pools. 2 s later there must be no process and no folder; after KILL no folder on
 
 python tests/benchmarks/interrupts.py declarations [SIGNALS [SEED]] sends INT while new curves, systems and scenes are
 declared, prepared and compiled to functions. None may be lost, and each must end the work within 2 s.
+
+python tests/benchmarks/interrupts.py functions [SIGNALS [SEED]] does the same while public functions and methods of
+results work. Live pages need the package ziglang.
 """
 
 import os
@@ -20,7 +23,9 @@ import tempfile
 import threading
 import time
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -269,8 +274,56 @@ def follower(number: float) -> None:
     mb.prepare(mb.Scene(chain, {"pin0.angle": 0.5}, np.linspace(0, 0.1, 3)), mb.CVODES())
 
 
-def declared(moment: float, number: float) -> tuple[float | None, str]:
-    """Time from a signal to the end of `follower`; None if it had ended before; and what did not hold."""
+def long_functions(folder: str) -> dict[str, Callable[[], object]]:
+    """Public functions and methods of results that take milliseconds or more, by name."""
+    p = mb.Parameters(length=1.0, stiffness=40.0)
+    end, rods, joints = mb.Ground().point(0, 0), [], []
+    for k in range(3):
+        rods.append(mb.Body(f"rod{k}", 1.0, p.length**3 / 12))
+        joints.append(mb.Revolute(f"pin{k}", end, rods[-1].point(-p.length / 2, 0)))
+        end = rods[-1].point(p.length / 2, 0)
+    spring = mb.Spring("spring", mb.Ground().point(0, -3), end, p.stiffness, 0.5)
+    system = mb.System(*rods, *joints, spring, mb.Gravity(0, -9.81), parameters=p)
+    start, box = {f"rod{k}.theta": -np.pi / 2 for k in range(3)}, mb.Box(length=(0.98, 1.02))
+    scene = mb.Scene(system, start, np.linspace(0, 1, 51), {"y": end.y}, box)
+    run, bounds, beam = mb.simulate(scene), mb.propagate(scene), Path(__file__).parents[1] / "data/urdf/branch.urdf"
+    limits, page, picture = {"y": (None, -2.5)}, f"{folder}/page.html", f"{folder}/page.png"
+    found: dict[str, Callable[[], object]] = {
+        "simulate": lambda: mb.simulate(scene),
+        "sweep": lambda: mb.sweep(scene, {"length": [0.9, 1.1]}),
+        "propagate": lambda: mb.propagate(scene),
+        "compare": lambda: mb.compare(scene, [mb.Vertex()], reference=mb.Scanning(3)),
+        "tolerances": lambda: mb.tolerances(scene, limits),
+        "calibrate": lambda: mb.calibrate(scene, {"y": run["y"]}, ["length"]),
+        "linearize": lambda: mb.linearize(scene),
+        "root_locus": lambda: mb.root_locus(scene, "length", (0.9, 1.1), count=3),
+        "sensitivities": lambda: mb.sensitivities(scene, ["length"]),
+        "load_urdf": lambda: mb.load_urdf(beam),
+        "view": lambda: mb.view(scene, page),
+        "Trajectory.plot": lambda: run.plot(picture),
+        "Trajectory.reaction": lambda: run.reaction("pin0"),
+        "Bounds.plot": lambda: bounds.plot(picture),
+        "Bounds.report": lambda: bounds.report(page, limits),
+        "Bounds.check": lambda: bounds.check(limits),
+        "Bounds.statistical": lambda: bounds.statistical(limits),
+        "Bounds.contributions": bounds.contributions,
+    }
+    if find_spec("ziglang"):
+        found |= {"live": lambda: mb.live(scene, page), "Bounds.live": lambda: bounds.live(page)}
+    return found
+
+
+def functions(count: int, seed: int) -> int:
+    """Print how public functions end by signals."""
+    warnings.simplefilter("ignore")
+    with tempfile.TemporaryDirectory() as folder:
+        jobs = long_functions(folder)
+        faults = [ended_work(job, count // len(jobs) + 1, f"{name} {seed}") for name, job in jobs.items()]
+    return int(sum(faults) > 0)
+
+
+def ended(work: Callable[[], object], moment: float) -> tuple[float | None, str]:
+    """Time from a signal to the end of the work; None if it had ended before; and what did not hold."""
     sent: list[float] = []
 
     def press() -> None:
@@ -281,7 +334,7 @@ def declared(moment: float, number: float) -> tuple[float | None, str]:
     fault = ""
     try:
         timer.start()
-        follower(number)
+        work()
         ended = not sent
         timer.cancel()
         timer.join()
@@ -291,39 +344,46 @@ def declared(moment: float, number: float) -> tuple[float | None, str]:
         fault = "" if ended else "the signal was lost"
     except KeyboardInterrupt:
         pass
-    except mb.SymmbError as error:
+    except Exception as error:
         fault = f"it became {error!r}"
     seconds = time.monotonic() - sent[0]
     return seconds, fault or (f"took {seconds:.1f} s" if seconds > MOST else "")
+
+
+def ended_work(work: Callable[[], object], count: int, seed: str) -> int:
+    """The number of faults of so many signals, which are printed."""
+    choice, times, faults = random.Random(seed), [], 0
+    work()
+    begin = time.monotonic()
+    work()
+    longest = time.monotonic() - begin
+    while len(times) < count:
+        moment = choice.uniform(0.0, longest)
+        try:
+            seconds, fault = ended(work, moment)
+        except KeyboardInterrupt:  # one behind the end
+            continue
+        times += [] if seconds is None else [seconds]
+        faults += bool(fault)
+        if fault:
+            print(f"{seed}, after {moment:.3f} s: {fault}", flush=True)
+    print(f"{seed}: {count} signals, longest {max(times):.2f} s, {faults} faults", flush=True)
+    return faults
 
 
 def declarations(count: int, seed: int) -> int:
     """Print how declarations end by signals."""
     warnings.simplefilter("ignore")
     os.environ["SYMMB_CFLAGS"] = "-O0"
-    choice, times, faults = random.Random(seed), [], 0
-    begin = time.monotonic()
-    follower(choice.random())
-    longest = time.monotonic() - begin
-    while len(times) < count:
-        moment = choice.uniform(0.0, longest)
-        try:
-            seconds, fault = declared(moment, choice.random())
-        except KeyboardInterrupt:  # one behind the end
-            continue
-        times += [] if seconds is None else [seconds]
-        faults += bool(fault)
-        if fault:
-            print(f"after {moment:.3f} s: {fault}", flush=True)
-    print(f"{count} signals, longest {max(times):.2f} s, {faults} faults")
-    return int(faults > 0)
+    choice = random.Random(seed)
+    return int(ended_work(lambda: follower(choice.random()), count, f"declarations {seed}") > 0)
 
 
 if __name__ == "__main__":
     for ignored in (signal.SIGINT, signal.SIGHUP, signal.SIGQUIT):  # by shells, in the background
         signal.signal(ignored, signal.default_int_handler if ignored == signal.SIGINT else signal.SIG_DFL)
-    if sys.argv[1:2] in (["programs"], ["declarations"]):
-        chosen = {"programs": programs, "declarations": declarations}[sys.argv[1]]
+    if sys.argv[1:2] in (["programs"], ["declarations"], ["functions"]):
+        chosen = {"programs": programs, "declarations": declarations, "functions": functions}[sys.argv[1]]
         sys.exit(chosen(*(int(text) for text in (*sys.argv[2:], *("50", "0")[len(sys.argv) - 2 :]))))
     MOMENTS = int(sys.argv[1]) if len(sys.argv) > 1 else 50
     for command in COMMANDS:

@@ -182,6 +182,25 @@ def test_an_interrupt_while_handlers_return_leaves_none_of_them(monkeypatch):
     assert signal.getsignal(signal.SIGINT) is before
 
 
+BRANCH = Path(__file__).parents[1] / "data" / "urdf" / "branch.urdf"
+
+
+@pytest.mark.parametrize(
+    "work",
+    [
+        lambda run: mb.linearize(run.scene), lambda run: mb.load_urdf(BRANCH), lambda run: mb.view(run, "page.html"),
+        lambda run: run.reaction("elbow"),
+    ],
+    ids=["linearize", "load_urdf", "view", "Trajectory.reaction"],
+)  # fmt: skip
+def test_long_functions_and_methods_of_results_keep_an_interrupt(work, monkeypatch, tmp_path):
+    run = mb.simulate(double_pendulum(T))
+    monkeypatch.chdir(tmp_path)
+    with interrupt_where_casadi_asks_for_a_shape(signal.SIGINT, monkeypatch) as asked:
+        work(run)
+    assert asked
+
+
 @pytest.mark.parametrize(
     "declared",
     [

@@ -21,6 +21,7 @@ from symmb.run.integrate import Solver
 from symmb.run.simulation import Device, SceneSimulator, Subject
 
 
+@kept_interrupts()
 def propagate(
     scene_or_simulator: Scene | Simulator,
     method: Method | str | None = None,
@@ -70,7 +71,7 @@ def propagate(
     array([1.   , 0.607])
     """
     method = PolynomialChaos() if method is None else method_of("propagate", method)
-    with kept_interrupts(), shown_runs(progress, repr(method), method.unit_of_work) as progress:
+    with shown_runs(progress, repr(method), method.unit_of_work) as progress:
         simulator, box = Subject.of(scene_or_simulator, solver, device=device).over(box)
         if isinstance(simulator, RecordedRuns) and method != PolynomialChaos():
             raise simulator.refusal(f"{method!r}: ")

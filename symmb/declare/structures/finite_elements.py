@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from symmb._errors import DeclarationError
+from symmb._interrupts import kept_interrupts
 from symmb._magnitudes import ROUNDING, SLIGHT
 from symmb._options import require_instance, require_truth, shown, whole
 from symmb._types import Array, Expr, Indices
@@ -120,6 +121,7 @@ class FiniteElements:
         return cls(meshed.positions, meshed.stiffness, mass, meshed.samples, meshed.axial, terms)
 
     @classmethod
+    @kept_interrupts()
     def matrices(
         cls,
         positions: npt.ArrayLike | str | PathLike[str],
@@ -195,6 +197,7 @@ class FiniteElements:
     def _terms(self) -> Terms:
         return self.terms or numeric_terms(self.K, self.M, self.samples, Ranges({}))
 
+    @kept_interrupts()
     def modes(
         self,
         interfaces: Sequence[int] = (),

@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError
+from symmb._interrupts import kept_interrupts
 from symmb._options import require_instance, shown
 from symmb._types import Array, Indices
 from symmb.declare.symbolic import Branches
@@ -210,6 +211,7 @@ class DAE:
         q, v, s = parts
         return (q, v, *((s,) if self.n_s else ()), p, time)
 
+    @kept_interrupts()
     def save_c(self, folder: str | Path, start: Mapping[str, Array] | None = None) -> tuple[Path, ...]:
         """Write the Functions as C with a header and a small main program. The files need only a C compiler.
 

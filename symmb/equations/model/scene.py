@@ -390,6 +390,7 @@ class Scene:
             return self
         return replace(self, system=self.system.with_elements((), self.system.parameters.with_inputs(symbols)))
 
+    @kept_interrupts()
     def starting_at(self, run: EndedRun) -> "Scene":
         """A copy that continues a run. The parameters of the run become the nominal parameters.
 

@@ -354,6 +354,7 @@ class System(FilledByBlock, ReadEquations):
         of_forces = self.collected.power if self._joints is None else self._joints.power
         return of_forces + ca.dot(ca.SX(self.lam), at_rest)
 
+    @kept_interrupts()
     def reaction(self, name: str) -> Reaction:
         """Force [N] and torque [N m] of a joint on its second body, at the joint's point, in world axes.
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, Self, get_args
 
+from symmb._interrupts import keep_interrupts
 from symmb._units import units_of_parameters
 from symmb.results.files.formats import Table, in_json, load, save
 from symmb.results.files.record import Record
@@ -76,6 +77,10 @@ def _value(own: Field[Any], record: Record) -> Any:
 
 class Saved:
     """A dataclass that converts its fields to a record and back, and possibly to a table."""
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        keep_interrupts(cls)
 
     def _record(self) -> dict[str, Any]:
         return entries(self)

@@ -6,6 +6,7 @@ from typing import Any, cast
 import numpy as np
 
 from symmb._errors import DeclarationError, SimulationError
+from symmb._interrupts import kept_interrupts
 from symmb._names import ByName
 from symmb._options import is_finite_number, require_name, shown
 from symmb._types import Array
@@ -20,6 +21,7 @@ _ROUNDING = 1e-12
 """Error of a critical value, divided by the range, at which the search ends."""
 
 
+@kept_interrupts()
 def critical(scene: Scene, parameter: str, range: tuple[float, float]) -> "CriticalSimulator":
     """A simulator of critical values of a parameter. At a critical value, the smallest damping of the scene is zero.
 

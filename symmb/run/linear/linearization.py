@@ -8,6 +8,7 @@ from typing import cast
 import numpy as np
 
 from symmb._errors import DeclarationError, warn_of
+from symmb._interrupts import kept_interrupts
 from symmb._options import require_names
 from symmb._types import Array, Indices
 from symmb.equations.model import DAE, Scene
@@ -23,6 +24,7 @@ from symmb.run.simulation import Trajectory
 from symmb.run.verification import attached_loads, with_loads
 
 
+@kept_interrupts()
 def linearize(
     subject: Scene | Trajectory,
     time: float | str | None = None,

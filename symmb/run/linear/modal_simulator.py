@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from symmb._errors import DeclarationError, SimulationError
+from symmb._interrupts import kept_interrupts
 from symmb._options import whole
 from symmb._types import Array
 from symmb.connect import BlackBox
@@ -45,6 +46,7 @@ class ModalSimulator(BlackBox):
            [ 5., 10.]])
     """
 
+    @kept_interrupts()
     def __init__(self, scene: Scene, count: int = 6) -> None:
         count = whole("ModalSimulator", "count", count, 1)
         self.family = LinearFamily(scene)

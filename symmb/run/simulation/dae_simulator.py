@@ -169,6 +169,7 @@ class DAESimulator(WithWarnings):
         block = block_size(n_x, values, self.compiled, reduction.trajectories, on_card)
         return stream(self, P, reduction, executor, progress, block)
 
+    @kept_interrupts()
     def jets(self, p0: Array, directions: Array, order: int) -> Array:
         """Taylor coefficients (order + 1, m, n_t, n_y) of the outputs along m directions (m, d).
 

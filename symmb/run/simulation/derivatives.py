@@ -6,6 +6,7 @@ from typing import Any, cast
 import numpy as np
 
 from symmb._errors import DeclarationError, SimulationError, warn_of
+from symmb._interrupts import kept_interrupts
 from symmb._magnitudes import SAME
 from symmb._names import ByName, counted
 from symmb._options import optional_package, shown
@@ -144,6 +145,7 @@ class Differentiable:
 _NO_SECOND = "symmb computes first derivatives of runs only. Second derivatives are not available."
 
 
+@kept_interrupts()
 def jax_function(
     scene: Scene | Simulator,
     parameters: Sequence[str] | None = None,
@@ -196,6 +198,7 @@ def jax_function(
     return _function("jax", _of_jax, scene, parameters, solver, times, outputs)
 
 
+@kept_interrupts()
 def torch_function(
     scene: Scene | Simulator,
     parameters: Sequence[str] | None = None,

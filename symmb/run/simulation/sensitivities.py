@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from symmb._errors import DeclarationError
+from symmb._interrupts import kept_interrupts
 from symmb._labelled import Labelled, Result, over_outputs, over_parameters, unit_text
 from symmb._names import counted, normal
 from symmb._options import require_name, shown
@@ -125,6 +126,7 @@ class Sensitivities(plot.OverTime, Result, Saved):
         return Labelled(coordinates, variables, about, units)
 
 
+@kept_interrupts()
 def sensitivities(
     scene: Scene | Simulator,
     parameters: Sequence[str] | None = None,

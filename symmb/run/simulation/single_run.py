@@ -59,6 +59,7 @@ def simulate(
 ) -> Sweep: ...
 
 
+@kept_interrupts()
 def simulate(
     scene: Scene | DAESimulator,
     solver: Solver | str | None = None,
@@ -126,7 +127,7 @@ def simulate(
     if tolerances and own.system.collected.has_events:
         solver = EventDriven(**tolerances)
     values = parameter_values(own, {} if parameters is None else parameters)
-    with kept_interrupts(), Progress(f"{own.name}: equations") as progress:
+    with Progress(f"{own.name}: equations") as progress:
         if isinstance(scene, DAESimulator):
             runs = PilotRuns(own, values, scene.program, scene.reason)
         else:

@@ -142,6 +142,7 @@ def _card(device: "str | codegen.Card") -> "codegen.Card":
     return device
 
 
+@kept_interrupts()
 def prepare(scene: Scene, solver: Solver | str | None = None, device: Device = None) -> DAESimulator:
     """Prepare the equations, the start and the solver of a scene for all its runs. The scene stores the result.
 
@@ -185,7 +186,7 @@ def prepare(scene: Scene, solver: Solver | str | None = None, device: Device = N
     """
     scene = scene_of(scene)
     subject = Subject.of(scene, solver, device=device)
-    with kept_interrupts(), Progress(f"{scene.name}: equations and trial runs") as progress:
+    with Progress(f"{scene.name}: equations and trial runs") as progress:
         simulator = subject.motion
         progress(f"{scene.name}: nominal run in two ways", 0, 0)
         simulator.second_look()

@@ -224,6 +224,7 @@ class Sweep(plot.OverTime, Result, ByOutput, WithWarnings, Saved):
         return Labelled(same | along, values, whole.attributes, whole.units).to_xarray()
 
 
+@kept_interrupts()
 def sweep(
     scene: Scene | Simulator,
     values: Mapping[str, Sequence[float] | Array],
@@ -333,7 +334,7 @@ def _of_rows(
     progress: Progress | None = None,
 ) -> Sweep:
     """Runs of a simulator with parameters P (N, n_p)."""
-    with kept_interrupts(), shown_runs(progress, owner) as progress:
+    with shown_runs(progress, owner) as progress:
         parts = simulator.stream(P, Reduction(list, _with_block, _joined), executor, progress)
     Y, ok = np.full((len(P), len(simulator.times), len(simulator.outputs)), np.nan), np.zeros(len(P), dtype=bool)
     for indices, values, valid, _ in parts:

@@ -10,6 +10,7 @@ import numpy as np
 
 from symmb import _html as html
 from symmb._errors import DeclarationError
+from symmb._interrupts import kept_interrupts
 from symmb._names import ByName
 from symmb._options import shown
 from symmb.bound.answers import Bounds
@@ -42,6 +43,7 @@ class Page:
         return html.frame(self.text, f"drawing of {self.name}")
 
 
+@kept_interrupts()
 def view(
     subject: Scene | DAESimulator | Trajectory | Bounds | Sweep,
     path: str | Path | None = None,

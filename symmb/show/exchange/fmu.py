@@ -7,6 +7,7 @@ import zipfile
 from pathlib import Path
 
 from symmb._errors import DeclarationError
+from symmb._interrupts import kept_interrupts
 from symmb._options import shown
 from symmb.equations.model import Scene
 from symmb.results.files import replacement, require_suffix
@@ -19,6 +20,7 @@ _SYSTEMS = {"linux": ("linux", "linux", ".so"), "darwin": ("darwin", "darwin", "
 """Names of operating systems in FMI 2 and in FMI 3, and the suffix of libraries."""
 
 
+@kept_interrupts()
 def save_fmu(scene: Scene | DAESimulator, path: str | Path, version: int = 3) -> None:
     """Write a scene as an FMU for co-simulation. Without constraints and impacts, it also supports model exchange.
 

@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError
+from symmb._interrupts import kept_interrupts
 from symmb._units import typeset, units_of_parameters
 from symmb.bound.answers import Limits, limit_pairs
 from symmb.bound.methods import possible_values
@@ -20,6 +21,7 @@ from symmb.show.live.live_page import json_number, page_data, require_page, writ
 from symmb.show.live.wasm import module
 
 
+@kept_interrupts()
 def live(scene: Scene | DAESimulator, path: str | Path | None = None, limits: Limits | None = None) -> Page | None:
     """Write a page with a slider for each parameter and its tolerance. The page computes runs, bounds and limits.
 

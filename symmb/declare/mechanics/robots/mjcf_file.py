@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from symmb._errors import DeclarationError, warn_of
+from symmb._interrupts import kept_interrupts
 from symmb._magnitudes import ROUNDING
 from symmb._options import optional_package
 from symmb._types import Expr
@@ -39,6 +40,7 @@ _UNNAMED = "MuJoCo Model"
 """The name that MuJoCo gives a model without a name."""
 
 
+@kept_interrupts()
 def load_mjcf(
     path: str | Path,
     *,

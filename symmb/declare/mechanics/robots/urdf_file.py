@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from symmb._errors import Faults, warn_of
+from symmb._interrupts import kept_interrupts
 from symmb._names import did_you_mean
 from symmb._types import Expr
 from symmb.declare.mechanics.contact_law import ContactLaw
@@ -36,6 +37,7 @@ _IN_LINK = ("inertial", "visual", "collision", "contact", "sensor", "gazebo")
 _IN_JOINT = ("origin", "parent", "child", "axis", "limit", "dynamics", "mimic", "calibration", "safety_controller")
 
 
+@kept_interrupts()
 def load_urdf(
     path: str | Path,
     *,
