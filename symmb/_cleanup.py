@@ -45,6 +45,11 @@ _GRACE = 0.5
 """Time for a process to end its programs and to remove its folders [s]."""
 
 
+def real_path(path: str | Path) -> Path:
+    """The path without links. Unlike `Path.resolve`, this raises no RuntimeError if links form a loop."""
+    return Path(os.path.realpath(path))
+
+
 @contextmanager
 def temporary_folder(base: Path | None = None) -> Iterator[Path]:
     """A context with a new folder in `base`, or in the system's temporary folder. The folder is removed at the end.
@@ -123,10 +128,11 @@ def run_program(command: Sequence[str], seconds: float, folder: Path | None = No
     """Run a program, and return its exit status and its output.
 
     The program and the programs that it starts form a process group. The group ends after `seconds`, or when this call
-    is interrupted. If a folder is given, the program writes temporary files there. OSError is raised if the program
-    cannot be started. TimeoutExpired is raised if the program needs more time.
+    is interrupted. If a folder is given, the program writes temporary files there, and uses it as home folder if the
+    variable HOME is not set. OSError is raised if the program cannot be started. TimeoutExpired is raised if the
+    program needs more time.
     """
-    environment = None if folder is None else {**os.environ, "TMPDIR": str(folder)}
+    environment = None if folder is None else {"HOME": str(folder), **os.environ, "TMPDIR": str(folder)}
     output = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True, "errors": "replace"}
     with process_group(command, env=environment, **output) as process:
         text, _ = process.communicate(timeout=seconds)

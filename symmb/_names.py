@@ -62,8 +62,16 @@ def normal(name: T) -> T:
 
 
 def normal_keys(owner: str, named: T) -> T:
-    """A mapping with names in normal form. Other values are unchanged. DeclarationError if two names become equal."""
-    if not isinstance(named, Mapping) or all(not isinstance(name, str) or name.isascii() for name in named):
+    """A mapping with names in normal form. Values of other types are unchanged.
+
+    DeclarationError is raised if a name is not a text, or if two names become equal.
+    """
+    if not isinstance(named, Mapping):
+        return named
+    for name in named:
+        if not isinstance(name, str):
+            raise DeclarationError(f"{owner}: a name must be a text, got {shown(name)}.")
+    if all(map(str.isascii, named)):
         return named
     result = {normal(name): value for name, value in named.items()}
     if len(result) < len(named):

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from symmb._cleanup import process_group, temporary_folder
+from symmb._cleanup import process_group, real_path, temporary_folder
 from symmb._errors import DeclarationError, SimulationError
 from symmb._options import require_timeout, shown, whole
 from symmb._types import Array
@@ -123,7 +123,7 @@ class CommandSimulator(BlackBox):
         environment = {} if environment is None else environment
         _require_types(command, files, folder, environment)
         texts = template_texts(_OWNER, {} if templates is None else templates)
-        sources = tuple(Path(file).resolve() for file in files)
+        sources = tuple(real_path(file) for file in files)
         program = _program(str(command[0]), {*texts, *(file.name for file in sources)})
         vars(self).update(
             command=(program, *map(str, command[1:])),
@@ -135,7 +135,7 @@ class CommandSimulator(BlackBox):
             retries=whole(_OWNER, "retries", retries, 0),
             interpolate=interpolate,
             keep=keep,
-            folder=None if folder is None else Path(folder).resolve(),
+            folder=None if folder is None else real_path(folder),
         )
         faults = [f"{_OWNER}: {fault}" for fault in (*self._input_faults(), *self._option_faults())]
         if faults:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from symmb._cleanup import real_path
 from symmb._errors import DeclarationError, SimulationError
 from symmb._magnitudes import SLIGHT
 from symmb._names import ByName
@@ -114,7 +115,7 @@ class FMUSimulator(BlackBox):
         require_timeout(OWNER, timeout)
         if step is not None and not (is_finite_number(step) and step > 0):
             raise DeclarationError(f"{OWNER}: step must be a number of seconds above 0, got {shown(step)}.")
-        fmu, variables = described(Path(path).resolve(), fmi_type)
+        fmu, variables = described(real_path(path), fmi_type)
         inputs, given = parameters_of(fmu.path, variables, self.parameters), units_of_parameters(self.parameters)
         units, nominal = {v.name: v.unit or given.get(v.name, "") for v in inputs}, dict(self.parameters)
         for name, unit in given.items():

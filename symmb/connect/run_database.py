@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from symmb._cleanup import real_path
 from symmb._errors import DeclarationError, SimulationError, text_of
 from symmb._types import Array
 from symmb.connect.simulator import Ensemble
@@ -243,7 +244,7 @@ def _connected(path: Path, create: bool) -> sqlite3.Connection:
     if size and not _is_writable(path):
         log = Path(f"{path}-wal")  # the log of a killed study
         options = "mode=ro" if log.exists() and log.stat().st_size else "mode=ro&immutable=1"
-        return sqlite3.connect(f"{path.resolve().as_uri()}?{options}", timeout=_WAIT_AT_FIRST, uri=True)
+        return sqlite3.connect(f"{real_path(path).as_uri()}?{options}", timeout=_WAIT_AT_FIRST, uri=True)
     return sqlite3.connect(path, timeout=_WAIT_AT_FIRST)
 
 
@@ -325,7 +326,7 @@ def _is_on_network(path: Path) -> bool:
         mounts = Path("/proc/mounts").read_text(encoding="utf-8").splitlines()
     except OSError:
         return False
-    place, best, kind = str(path.resolve().parent) + "/", "", ""
+    place, best, kind = f"{real_path(path).parent}/", "", ""
     for mount in mounts:
         where, what = mount.split()[1:3]
         where = where.replace("\\040", " ").rstrip("/") + "/"

@@ -205,11 +205,12 @@ def design(
     allocated, cost = _allocation(costs, box)
     known = [*simulator.outputs, *([] if costs is None else [_COST])]
     wanted: list[Any] = objective if isinstance(objective, list) and len(objective) == 2 else [objective]
-    if _COST in wanted + [*(limits or ())] and _COST not in known:
+    named = [each for each in wanted if isinstance(each, str)] + [*(limits if isinstance(limits, Mapping) else ())]
+    if _COST in named and _COST not in known:
         raise DeclarationError(f"{OWNER}: {_COST!r} needs costs, such as costs={{}}.")
     asked = [_output_and_side(each, known) for each in wanted]
     units = dict(zip(simulator.outputs, units_of(simulator), strict=False))
-    pairs = limit_pairs(OWNER, limits, known, [units.get(name, "") for name in known]) if limits else {}
+    pairs = limit_pairs(OWNER, limits, known, [units.get(name, "") for name in known], needed=False)
     if len({*asked}) < len(asked):
         raise DeclarationError(f"{OWNER}: the two objectives are the same. Give one of them.")
     used = [name for name in simulator.outputs if name in pairs or name in dict(asked)]
@@ -267,14 +268,15 @@ def _require_intervals(simulator: Simulator, ranges: Box, box: Box | None) -> No
 
 def _output_and_side(objective: object, known: Sequence[str]) -> tuple[str, str]:
     """The output of an objective, and its side; the cost has none."""
-    if objective == _COST:
+    if isinstance(objective, str) and objective == _COST:
         return _COST, ""
-    if not isinstance(objective, tuple) or len(objective) != 2 or objective[1] not in ("lower", "upper", "width"):
+    output, side = objective if isinstance(objective, tuple) and len(objective) == 2 else (None, None)
+    if not isinstance(side, str) or side not in ("lower", "upper", "width"):
         raise DeclarationError(
             f"{OWNER}: objective must be a pair such as ('y', 'upper'), with 'lower', 'upper' or 'width', {_COST!r}, "
             f"or a list of two of them, got {shown(objective)}."
         )
-    return require_name(OWNER, "output", objective[0], known), objective[1]
+    return require_name(OWNER, "output", output, known), side
 
 
 def _allocation(costs: Costs | None, box: Box | None) -> tuple[list[str], Callable[[Array], float]]:

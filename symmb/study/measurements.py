@@ -12,6 +12,9 @@ from symmb._options import numbers_of, require_instance, require_name, require_p
 from symmb._types import Array
 from symmb.equations.model import Box, System, require_only_intervals
 
+_NARROWEST = 1e-9
+"""Smallest width of limits, divided by their size. In narrower limits, differences of runs are rounding errors."""
+
 OWNER = "calibrate"
 _LEAST_POSITIVE = SMALL
 """Smallest value of a parameter that must be above 0, divided by its nominal value. With a mass of one millionth, a
@@ -82,7 +85,7 @@ def limits_of(
     box = box.with_units(units)
     for name, (lower, upper) in (found := dict(zip(box.names, box.bounds, strict=True))).items():
         require_name(OWNER, "estimated parameter", name, nominal)
-        if lower == upper:
+        if upper - lower <= _NARROWEST * max(abs(lower), abs(upper)):
             raise DeclarationError(f"{OWNER}: the limits of {name!r} are equal. Leave out this parameter.")
         if not lower <= nominal[name] <= upper:
             raise DeclarationError(

@@ -147,6 +147,8 @@ class RootLocus(plot.ThreeDiagrams, Counted, WithWarnings, Saved):
         for name in ("eigenvalues", "modes"):
             real, imaginary = (record.record(name).with_nan(part, len(own["values"]), None) for part in ("re", "im"))
             parts[name] = real + 1j * imaginary
+        if np.isnan(parts["modes"]).all(axis=0).any():
+            raise DeclarationError("modes must have a number for at least one value.")
         bands = record.record("bands")
         return cls(
             **own, **parts, bands={name: _ends(bands.record(name), *parts["modes"].shape) for name in bands.plain}

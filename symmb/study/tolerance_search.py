@@ -213,6 +213,8 @@ class Search:
                 after = (ray.low + ray.high) / 2  # the largest decided factor is between them
             if ray.best is not None and (ray.low >= ray.most or after <= ray.low * (1 + SETTLED)):
                 break
+            if not after:
+                raise PropagationError(f"{OWNER}: runs next to the nominal parameters fail. {ray.fault}".rstrip())
             s = after
         if ray.best is None and ray.undecided is not None:
             ray.low, ray.best = ray.undecided

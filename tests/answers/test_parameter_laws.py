@@ -198,3 +198,14 @@ def test_extreme_quantiles_are_as_accurate_as_asked(level, monkeypatch):
     short = bounds.quantiles("y", level, laws, error=1e-6)
     assert "The error of sampling is" in str(short) and short.samples == 2**16
     refused("error must be above 0 and below 1", lambda: bounds.quantiles("y", level, laws, error=2.0))
+
+
+def test_statistics_of_many_output_times_are_those_of_single_times():
+    """Outputs at 20,000 times take several windows. The mean of exp(-k t) for a normal k is known."""
+    t = np.linspace(0.0, 1.0, 20_001)
+    f = mb.FunctionSimulator(lambda k: np.exp(-k * t), {"k": 1.0}, t, ["y"])
+    bounds = mb.propagate(f, mb.PolynomialChaos(order=4), mb.Box(k=(0.4, 1.6)))
+    found = bounds.statistical({"y": (None, 1.5)}, {"k": st.norm(1.0, 0.1)}, runs=1000)
+    at = found.time[0]
+    assert found.mean[0] == pytest.approx(np.exp(-at + 0.005 * at**2), rel=1e-4)
+    assert found.sigma[0] == pytest.approx(found.mean[0] * np.sqrt(np.expm1(0.01 * at**2)), rel=0.02, abs=1e-6)

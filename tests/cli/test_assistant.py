@@ -209,3 +209,8 @@ def test_without_the_package_or_a_folder_a_sentence_tells_what_to_do(capsys, mon
     assert error.startswith("symmb mcp: this command needs mcp") and "install mcp, or pip install 'symmb[mcp]'" in error
     refused("is not a folder", Tools, [str(tmp_path / "absent")])
     refused("no folder for files", Tools([]).view, "double_pendulum")
+
+
+def test_a_loop_of_links_is_no_scene(tmp_path):
+    (tmp_path / "loop.py").symlink_to(tmp_path / "loop.py")
+    refused("neither a shipped scene nor a file", Tools([str(tmp_path)]).describe, "loop.py")

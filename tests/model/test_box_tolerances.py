@@ -350,3 +350,8 @@ def test_intervals_by_name():
 def test_unknown_interval_is_told(name):
     box = Box(l1=(0.95, 1.05), m=(2.0, 4.0))
     refused(r"Box: no interval of .*\. (Did you mean 'l1'\?|Known are: l1, m\.)", lambda: box[name])
+
+
+@pytest.mark.parametrize("values", [range(10**9), range(10**30), set(range(10_001))], ids=["many", "more", "set"])
+def test_choices_of_too_many_values_are_refused_at_once(values):
+    refused("'k' has more than 10000 values", mb.Box, k=values)

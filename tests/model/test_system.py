@@ -409,3 +409,10 @@ def test_faults(tmp_path):
     refused("values of 0 states", example_c, FILTERED, **given)
     refused("finite", example_c, PLAIN, **given | {"t1": np.inf})
     refused("at least one step", example_c, PLAIN, **given | {"steps": 0})
+
+
+@pytest.mark.parametrize("name", ["values", "items", "get", "nominal"])
+def test_an_input_may_have_the_name_of_an_attribute_of_parameters(name):
+    u, cart = mb.Input(name), mb.Body("cart", 2.0, pose=mb.Particle())
+    system = mb.System(cart, u, mb.Force("motor", cart.point(0, 0), (8 * u.value, 0)))
+    assert mb.linearize(mb.Scene(system), inputs=[name], outputs=["cart.vx"]).B.ravel().tolist() == [0.0, 4.0]

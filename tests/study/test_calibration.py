@@ -463,3 +463,8 @@ def test_wrong_limits_and_priors_are_told():
         ("robust", {"robust": "huber"}),
     ]:
         refused(match, mb.calibrate, simulator, data, **options)
+
+
+def test_limits_that_are_nearly_equal_are_refused():
+    f = mb.FunctionSimulator(lambda k: [[k]], {"k": 1.0}, [0.0], ["y"])
+    refused("the limits of 'k' are equal", mb.calibrate, f, {"y": [1.0]}, ["k"], box=mb.Box(k=(1.0, 1.0 + 1e-15)))

@@ -240,3 +240,18 @@ def test_random_designs_at_the_boundary_of_failed_runs(seed, k):
 def test_wrong_arguments(change, message):
     given = {"variables": RANGES, "objective": ("amplitude", "upper"), "box": BOX} | change
     refused(message, mb.design, ABSORBER, **given)
+
+
+@pytest.mark.parametrize(
+    ("variables", "objective", "limits", "pattern"),
+    [
+        ({1: (0.0, 5.0)}, ("y", "upper"), None, "a name must be a text, got 1"),
+        ({"a": (0.0, 5.0)}, np.array(["y", "upper"]), None, "objective must be a pair"),
+        ({"a": (0.0, 5.0)}, ("y", np.arange(2)), None, "objective must be a pair"),
+        ({"a": (0.0, 5.0)}, ("y", "upper"), 3.0, "limits must be a dictionary"),
+        ({"a": (0.0, 5.0)}, ("y", "upper"), np.array([1.0, 2.0]), "limits must be a dictionary"),
+    ],
+)
+def test_arguments_of_other_types_are_told_in_a_sentence(variables, objective, limits, pattern):
+    f = mb.FunctionSimulator(lambda a, b: [[(a - b) ** 2]], {"a": 1.0, "b": 2.0}, [0.0], ["y"])
+    refused(pattern, mb.design, f, variables, objective, limits, mb.Box(b=(1.0, 3.0)))

@@ -220,3 +220,10 @@ def test_all_limits_that_the_nominal_run_violates_are_named():
     limits = {"x": (None, 0.9), "y": (None, 3.0), "z": (3.1, None)}
     with pytest.raises(mb.PropagationError, match=r"the limit 0.9 of x: 1; the limit 3.1 of z: 3\. "):
         found_for(lambda a: [a, 2 * a, 3 * a], limits, outputs="x y z", a=(0.9, 1.1))
+
+
+@pytest.mark.parametrize("costs", [None, {}])
+def test_runs_that_fail_next_to_the_nominal_parameters_leave_no_tolerances(costs):
+    f = mb.FunctionSimulator(lambda k: [[k if k <= 1.0 else np.nan]], {"k": 1.0}, [0.0], ["y"])
+    with pytest.raises(mb.PropagationError, match="runs next to the nominal parameters fail"):
+        mb.tolerances(f, {"y": (None, 2.0)}, mb.Box(k=(0.5, 1.5)), costs)

@@ -15,6 +15,8 @@ from symmb.bound.responses import Responses, RunsUsedUpError
 _SAMPLES_OF_POLYNOMIALS, _SAMPLES_WITH_SEARCH, SAMPLES_BEFORE_RUNS = 512, 128, 32
 """Numbers of samples of a set for three cases: from polynomials; if each sample requires a search or a run; and if runs
 near a limit may follow. Larger numbers take more time."""
+_MOST_VALUES = 2**30
+"""Largest number of values from polynomials. With more output times, samples are fewer, and their error is larger."""
 SAMPLES_ON_CARD, _BINS = 2**17, 2048
 """Number of samples of a set if runs on a graphics card are the samples, and number of bins of their values."""
 _LEAST_RUNS_OF_A_SET = 4
@@ -73,7 +75,8 @@ class LawSamples:
             if n < _LEAST_RUNS_OF_A_SET:
                 raise RunsUsedUpError("The samples need more runs.")
         if self.surrogate is not None:
-            n = _SAMPLES_WITH_SEARCH if self.free.any() else _SAMPLES_OF_POLYNOMIALS
+            is_large = SETS_OF_SAMPLES * _SAMPLES_OF_POLYNOMIALS * len(self.error) > _MOST_VALUES
+            n = _SAMPLES_WITH_SEARCH if self.free.any() or is_large else _SAMPLES_OF_POLYNOMIALS
         self.draw(n)
 
     @cached_property

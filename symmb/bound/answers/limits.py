@@ -12,7 +12,7 @@ from symmb._errors import DeclarationError
 from symmb._labelled import ByOutput, Labelled, Result, over_outputs, texts
 from symmb._magnitudes import LAST_DIGITS, SAME
 from symmb._names import normal_keys
-from symmb._options import is_real, require_name, shown
+from symmb._options import is_real, numbers_of, require_name, shown
 from symmb._table import aligned, at_time, over_times, time_text
 from symmb._types import Array
 from symmb._units import number_in, typeset
@@ -255,9 +255,14 @@ def closest(limits: Sequence[KeptLimit]) -> KeptLimit:
 
 
 def limit_pairs(
-    owner: str, limits: Limits, names: Sequence[str], units: Sequence[str] = ()
+    owner: str, limits: Limits | None, names: Sequence[str], units: Sequence[str] = (), needed: bool = True
 ) -> dict[str, tuple[float, float]]:
-    """Limits (low, high) by output, as numbers in its unit; infinite if there is no limit."""
+    """Limits (low, high) by output, as numbers in its unit; infinite if there is no limit.
+
+    Unless limits are needed, None and {} are accepted as well.
+    """
+    if not needed and (limits is None or (isinstance(limits, Mapping) and not limits)):
+        return {}
     if not isinstance(limits, Mapping) or not limits:
         raise DeclarationError(
             f"{owner}: limits must be a dictionary of pairs (low, high), such as "
@@ -413,7 +418,8 @@ def _ends(owner: str, name: str, pair: object, unit: str) -> tuple[float, float]
         number_in(own, f"output {name!r}", end, unit) if isinstance(end, str | tuple) else end
         for end in _pair(own, pair)
     ]
-    if not all(end is None or (is_real(end) and not np.isnan(end)) for end in ends):
+    numbers = [numbers_of(end) if is_real(end) else None for end in ends]  # None beyond the range of doubles
+    if not all(end is None or (x is not None and not np.isnan(x)) for end, x in zip(ends, numbers, strict=True)):
         raise DeclarationError(f"{own}: both ends must be numbers or None, got {shown(ends)}.")
     low, high = (default if end is None else float(end) for end, default in zip(ends, (-np.inf, np.inf), strict=True))
     if low > high:

@@ -1,6 +1,6 @@
 """Quantiles and probabilities of outputs, for parameters with distributions and for intervals."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -35,6 +35,8 @@ _MOST_VALUES = 2**24
 """Largest number of values of polynomials for quantiles with a given error: some seconds."""
 _MOST_RUNS_NEAR_LIMIT, _LEAST_RUNS_NEAR_LIMIT = 1000, 200
 """Largest number of runs near a limit, and the number below which these runs are of no use."""
+_VALUES_TOGETHER = 2**20
+"""Number of values of an output that are computed together. They fit into the processor cache."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -204,8 +206,7 @@ def _quantiles_and_scatter(values: Array, q: Array) -> tuple[Array, Array]:
     """Quantiles (n_q, n_t) of values (replicates, n, n_t), and their sampling error."""
     sets = np.ascontiguousarray(values.transpose(2, 0, 1))
     sets.sort(axis=2)  # np.quantile takes five times as long
-    whole = sets.reshape(len(sets), -1).copy()
-    whole.sort(axis=1)
+    whole = np.sort(sets.reshape(len(sets), -1), axis=1, kind="stable")  # merges the sorted sets
     # Fraction of the samples next to a quantile that cannot be distinguished from the quantile.
     n = whole.shape[1]
     near, middle = 2.0 / n, (q * (n + 1) - 1) / (n - 1)  # the k-th of n values has the mean rank k / (n + 1)
@@ -361,20 +362,22 @@ def samples_of(
 
 
 class Values(NamedTuple):
-    """Outputs (N, n_t, n) at points, the number of runs for them, and remarks."""
+    """Outputs (N, n_t, n) at points, or a reduction of them, the number of runs for them, and remarks."""
 
     Y: Array
     runs: int
     remarks: tuple[str, ...] = ()
 
 
-def values_of(responses: Responses, points: Array, columns: Sequence[int]) -> Values:
+def values_of(
+    responses: Responses, points: Array, columns: Sequence[int], reduced: Callable[[Array], Array] = lambda Y: Y
+) -> Values:
     """Outputs with these numbers at points (N, d), from polynomials that agree with some runs, or from runs.
 
+    `reduced` is a function of the outputs (N, w, n) in a window of time. It keeps the axis of the times.
     If runs of a scene cost little, polynomials must be more accurate. Otherwise a remark states their error.
     """
-    runs, made, Y = responses.runs, 0, np.empty((len(points), len(responses.t), len(columns)))
-    by_runs, remarks = [*range(len(columns))], tuple[str, ...]()
+    runs, made, remarks, parts = responses.runs, 0, tuple[str, ...](), list[tuple[list[int], Array]]()
     good = [k for k, column in enumerate(columns) if responses.is_good[column]]
     if good and responses.surrogate is not None:
         outputs = [columns[k] for k in good]
@@ -386,15 +389,19 @@ def values_of(responses: Responses, points: Array, columns: Sequence[int]) -> Va
         is_fine = is_used = responses.are_good(error, outputs, FINE)
         if runs is None or not runs.has_lanes:
             is_used = is_fine | (responses.are_good(error, outputs) if runs else True)
-        used = np.flatnonzero(is_used).tolist()
-        by_polynomials = [good[k] for k in used]
-        Y[:, :, by_polynomials] = surrogate.part(slice(None), used).values(points)
-        by_runs = [k for k in by_runs if k not in by_polynomials]
+        if used := np.flatnonzero(is_used).tolist():
+            step = max(1, _VALUES_TOGETHER // len(points))
+            windows = (slice(k, k + step) for k in range(0, len(error), step))
+            values = [reduced(surrogate.part(window, used).values(points)) for window in windows]
+            parts.append(([good[k] for k in used], np.concatenate(values, axis=1)))
         if named := ", ".join(responses.names[outputs[k]] for k in np.flatnonzero(is_used & ~is_fine).tolist()):
             remarks = (f"Polynomials replace runs. Their error is above {FINE:.0%} of the width of {named}.",)
-    if by_runs:
+    if by_runs := [k for k in range(len(columns)) if not parts or k not in parts[0][0]]:
         if runs is None:
             raise RunsUsedUpError(f"{len(points)} runs are needed.")
-        Y[:, :, by_runs] = runs.values(points)[:, :, [columns[k] for k in by_runs]]
+        parts.append((by_runs, reduced(runs.values(points)[:, :, [columns[k] for k in by_runs]])))
         made += len(points)
+    Y = np.empty((*parts[0][1].shape[:2], len(columns)))
+    for own, values in parts:
+        Y[..., own] = values
     return Values(Y, made, remarks)

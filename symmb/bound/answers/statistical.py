@@ -237,13 +237,17 @@ def statistics_of(
         if (n := int(min(n, responses.runs.left / 3))) < _LEAST_SAMPLES:
             raise RunsUsedUpError("Means need more runs.")
     points = np.concatenate([drawn(n), np.eye(len(box)), -np.eye(len(box))])
-    Y, made, remarks = values_of(responses, points, columns)
-    mean, sigma = Y[:n].mean(axis=0), Y[:n].std(axis=0)
+
+    def summary(Y: Array) -> Array:
+        """Means, standard deviations and root sums of squares, (3, n_t, n_l)."""
+        ends = Y[n:].reshape(2, len(box), *Y.shape[1:])
+        rss = np.sqrt(np.square((ends[0] - ends[1]) / 2).sum(axis=0))
+        return np.array([Y[:n].mean(axis=0), Y[:n].std(axis=0), rss])
+
+    (mean, sigma, rss), made, remarks = values_of(responses, points, columns, summary)
     if responses.runs is not None and responses.runs.on_card and not responses.is_good[columns].all():
         found = responses.runs.reduced(drawn(SAMPLES_ON_CARD), CardEnsemble.moments)
         mean, sigma = (each[:, columns] for each in found)
-    ends = Y[n:].reshape(2, len(box), *mean.shape)
-    rss = np.sqrt(np.square((ends[0] - ends[1]) / 2).sum(axis=0))
     low, high = np.array([*pairs.values()]).T
     floor = responses.floor[columns]  # smaller numbers are rounding or noise
     sigma = np.where(sigma > floor, sigma, 0.0)

@@ -42,7 +42,7 @@ class Binding:
     @property
     def by_name(self) -> dict[str, ca.SX]:
         """All known symbols by their dotted names, and parameters with units as quantities."""
-        quantities = {name: getattr(self.parameters, name) for name in self.parameters}
+        quantities = {name: self.parameters.__getattr__(name) for name in self.parameters}
         return {name: symbol for name, _, symbol in self._known.values()} | quantities
 
     def __call__(self, law: Expr, what: str, also: Collection[int] = (), any_size: bool = False) -> ca.SX:

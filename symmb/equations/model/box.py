@@ -380,7 +380,9 @@ class Box:
 
     def part(self, which: Mask) -> "Box":
         """The intervals of some parameters (mask, (d,)), at least one."""
-        return Box(**{name: ends for (name, ends), own in zip(self.intervals.items(), which, strict=True) if own})
+        if (mask := np.asarray(which)).dtype != bool or mask.shape != (len(self),):
+            raise DeclarationError(f"{self!r}: expected truth values, one for each parameter, got {shown(which)}.")
+        return Box(**{name: ends for (name, ends), own in zip(self.intervals.items(), mask, strict=True) if own})
 
     def without(self, name: str) -> "Box | None":
         """The box without this parameter; None if no parameter remains."""

@@ -12,7 +12,7 @@ from typing import Any
 
 import casadi as ca
 
-from symmb._cleanup import temporary_folder
+from symmb._cleanup import real_path, temporary_folder
 from symmb._errors import DeclarationError
 from symmb._options import shown
 from symmb.results.files import replacement, told
@@ -35,7 +35,7 @@ def save_c(
     if not isinstance(folder, str | os.PathLike) or "\0" in str(folder):
         raise DeclarationError(f"The name of a folder must be a text or a Path, got {shown(folder)}.")
     with told(folder, "made"):
-        folder = Path(folder).resolve()
+        folder = real_path(folder)
         folder.mkdir(parents=True, exist_ok=True)
     renamed = [_renamed(f, f"{name}_{key}") for key, f in functions.items()]
     generator = ca.CodeGenerator(f"{name}.c", {"with_header": True})

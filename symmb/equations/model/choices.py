@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
+from itertools import islice
 from types import SimpleNamespace
 from typing import Any
 
@@ -16,6 +17,8 @@ from symmb._units import number_in, quantity, scaled
 
 Choices = Set[Any] | range | list[str] | Mapping[str, Any]
 """A finite set of values, a list of words, or values by words."""
+_MOST = 10_000
+"""Largest number of values of a choice. Studies make runs for each value."""
 Constraint = Callable[[Any], Any]
 """A function of the parameters p, such as p.a. The result is True, or a number of at most 0, if they are allowed."""
 
@@ -44,6 +47,8 @@ class Choice:
     @classmethod
     def of(cls, name: str, given: Any) -> "Choice":
         """The choice of a set, a range, a list of words, or a mapping of words to numbers or to numbers by name."""
+        if any(True for _ in islice(given, _MOST, None)):
+            raise DeclarationError(f"Box: {name!r} has more than {_MOST} values. Give an interval, or fewer values.")
         if numbered := isinstance(given, list):
             given, words = {word: k for k, word in enumerate(given)}, given
             if len(given) < len(words):

@@ -69,7 +69,7 @@ def name_faults(elements: Sequence[object], parameters: Parameters) -> list[str]
     faults, names = [], set()
     own = [e.title for e in elements if isinstance(e, OwnState) and e.name in (*parameters, "t")]
     for u in (e for e in elements if isinstance(e, Input)):
-        is_parameter = u.name in parameters and getattr(parameters, u.name).element_hash() == u.value.element_hash()
+        is_parameter = u.name in parameters and parameters.__getattr__(u.name).element_hash() == u.value.element_hash()
         own += [u.title] if u.name in (*parameters, "t") and not is_parameter else []
     faults += [f"{title}: a parameter or the time has this name. Choose another name." for title in own]
     for e in elements:

@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from textwrap import wrap
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -67,8 +67,15 @@ def new_figure(height: float) -> Figure:
 def png(figure: Figure) -> bytes:
     """The figure as a PNG file."""
     file = io.BytesIO()
-    figure.savefig(file, format="png")
+    _write(figure, file, "png")
     return file.getvalue()
+
+
+def _write(figure: Figure, file: IO[bytes], kind: str) -> None:
+    try:
+        figure.savefig(file, format=kind)
+    except OverflowError:  # differences of the numbers are beyond the range of doubles
+        raise DeclarationError("The picture has numbers that are too large.") from None
 
 
 def narrow_png(figure: Figure) -> bytes:
@@ -109,7 +116,7 @@ def save(figure: Figure, path: str | Path | None) -> Figure:
 
         # Type 42 is TrueType. Journals refuse type 3, which is matplotlib's default.
         with replacement(path) as file, rc_context({"pdf.fonttype": 42}):
-            figure.savefig(file, format=suffix[1:])
+            _write(figure, file, suffix[1:])
     return figure
 
 

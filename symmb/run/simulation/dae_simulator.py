@@ -203,7 +203,7 @@ class DAESimulator(WithWarnings):
                 near = f"; the run itself meets {kink[1]} at or before t = {kink[0]:g} s" if kink else ""
                 text = f"t = {fault[0]:g} s: {fault[1]}{near}"
                 raise SimulationError(f"{self!r}: the computation of derivatives fails at {text}.")
-            return Y.reshape(m, len(self.times), order + 1, -1).transpose(2, 0, 1, 3)
+            return Y.reshape(m, len(self.times), order + 1, len(self.outputs)).transpose(2, 0, 1, 3)
 
     def kink(self, p0: Array) -> tuple[float, str] | None:
         """Time [s] at which the run at p0 (d,) first meets a kink or jump of the equations, and the names of all kinks.

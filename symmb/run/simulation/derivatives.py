@@ -254,6 +254,8 @@ def _of_jax(jax: Any, runs: Differentiable) -> Callable[[Any], Any]:
     def called(f: Callable[[Array], Any], shapes: Sequence[tuple[int, ...]], u: Any) -> Any:
         results = [jax.ShapeDtypeStruct((*u.shape[:-1], *shape), u.dtype) for shape in shapes]
         own = lambda u: [np.asarray(a, dtype=u.dtype) for a in f(np.asarray(u))]  # noqa: E731
+        if not isinstance(u, jax.core.Tracer):  # outside of compiled functions, JAX would wrap our errors in its own
+            return [jax.numpy.asarray(a) for a in own(u)]
         return jax.pure_callback(own, results, u, vmap_method="broadcast_all")
 
     @jax.custom_jvp

@@ -19,6 +19,7 @@ import numpy as np
 
 import symmb as mb
 from symmb import models
+from symmb._cleanup import real_path
 from symmb._errors import DeclarationError, SymmbError
 from symmb._names import did_you_mean
 from symmb._options import optional_package
@@ -52,7 +53,7 @@ class Tools:
     """The tools of the server as methods that return texts. Tools raise the errors of `_FAULTS`."""
 
     def __init__(self, folders: Sequence[str]) -> None:
-        self._folders = [Path(folder).resolve() for folder in folders]
+        self._folders = [real_path(folder) for folder in folders]
         for folder in self._folders:
             if not folder.is_dir():
                 raise DeclarationError(f"{folder} is not a folder. Give folders with scene files.")
@@ -178,7 +179,7 @@ class Tools:
         if scene in shipped_names():
             return str(Path(models.__path__[0], f"{scene}.py"))
         for folder in self._folders:
-            path = (folder / scene).resolve()  # an absolute path replaces the folder
+            path = real_path(folder / scene)  # an absolute path replaces the folder
             if path.is_file() and any(map(path.is_relative_to, self._folders)):
                 return str(path)
         raise DeclarationError(

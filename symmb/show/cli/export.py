@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import symmb as mb
+from symmb._cleanup import real_path
 from symmb._errors import DeclarationError, SymmbWarning
 from symmb._progress import Progress
 from symmb.run.codegen import require_compiler
@@ -48,7 +49,7 @@ def _codegen(options: argparse.Namespace) -> None:
         if solver is None:  # without pilot runs, nothing is compiled
             solver = mb.EventDriven() if bodies.dae.impacts is not None else mb.DormandPrince()
         try:
-            files |= dict.fromkeys(save_scene_c(Subject(scene, solver).motion, folder.resolve()))
+            files |= dict.fromkeys(save_scene_c(Subject(scene, solver).motion, real_path(folder)))
         except DeclarationError as error:
             warnings.warn(SymmbWarning(f"only the equations are written as C, not runs. {error}"), stacklevel=1)
     print(*files, sep="\n")

@@ -12,6 +12,7 @@ from types import ModuleType
 from typing import Any
 
 from symmb import models
+from symmb._cleanup import real_path
 from symmb._errors import DeclarationError, SymmbError, text_of
 from symmb._names import did_you_mean
 from symmb._options import shown
@@ -104,7 +105,7 @@ def value_in_module(module: str, name: str, kind: type) -> Any:
     """
     path = Path(*module.split(".")).with_suffix(".py")
     if path.is_file():
-        found = _module(path.resolve())
+        found = _module(real_path(path))
     else:
         try:
             found = importlib.import_module(module)
@@ -168,7 +169,7 @@ def _find(given: str) -> Path:
 @contextmanager
 def _foreign(path: Path) -> Iterator[None]:
     """A context for the code of a file. The code can import from its folder. An exception becomes one sentence."""
-    before, folder = sys.path, str(path.parent.resolve())
+    before, folder = sys.path, str(real_path(path.parent))
     sys.path = [folder, *before]
     try:
         yield
@@ -178,7 +179,7 @@ def _foreign(path: Path) -> Iterator[None]:
         raise
     except BaseException as error:
         frames = traceback.extract_tb(error.__traceback__)  # a SyntaxError contains its line
-        lines = [frame.lineno for frame in frames if Path(frame.filename).resolve() == path.resolve()]
+        lines = [frame.lineno for frame in frames if real_path(frame.filename) == real_path(path)]
         where = f" (line {lines[-1]})" if lines else ""
         raise DeclarationError(f"{path} raised {text_of(error)}{where}.") from error
     finally:

@@ -72,7 +72,7 @@ def live_from(
     if own.box is None:
         raise DeclarationError("live: the scene has no box of tolerances. Give it one by scene.with_box(Box(...)).")
     require_only_intervals("live", own.box)
-    pairs = limit_pairs("live", limits, own.output_names, own.units) if limits else {}
+    pairs = limit_pairs("live", limits, own.output_names, own.units, needed=False)
     simulator = Subject.of(scene).simulator
     figures, motion = simulator if isinstance(simulator, FigureSimulator) else None, motion_of(simulator)
     others = [name for name, f in own.figures.items() if f.kind in ("rms", "percentile", "psd", "probability")]

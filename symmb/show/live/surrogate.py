@@ -33,7 +33,7 @@ def live_surrogate(bounds: Bounds, path: str | Path | None = None, limits: Limit
     chosen, free = np.flatnonzero(known).tolist(), np.flatnonzero(box.lower < box.upper).tolist()
     names = [bounds.names[k] for k in chosen]
     units = [bounds.units[k] for k in chosen] if bounds.units else [""] * len(names)
-    pairs = limit_pairs("Bounds.live", limits, names, units) if limits else {}
+    pairs = limit_pairs("Bounds.live", limits, names, units, needed=False)
     unit_of = {**units_of_parameters(bounds.nominal_parameters), **dict(zip(box.names, box.units, strict=False))}
     centre, half = box.center, box.radius
     parameters: list[dict[str, Any]] = [

@@ -30,7 +30,8 @@ def write(path: str | Path, title: str, parts: Iterable[str], block: Mapping[str
     style = Path(__file__).with_name("report.css").read_text(encoding="utf-8")
     head += f"<title>{escape(title)}</title><style>{style}</style>"
     require_names("report", "part of the title block", [*block], BLOCK)
-    cells = [f"<div><dt>{name}</dt><dd>{escape(str(block[name]))}</dd></div>" for name in BLOCK if block.get(name)]
+    texts = {name: escape(str(block[name])) for name in BLOCK if block.get(name) is not None}
+    cells = [f"<div><dt>{name}</dt><dd>{text}</dd></div>" for name, text in texts.items() if text]
     body = f'<dl class="block">{"".join(cells)}</dl>' if cells else ""
     body += f"<h1>{escape(title)}</h1>\n" + "\n".join(parts)
     text = f'<!DOCTYPE html>\n<html lang="en">\n<head>{head}</head>\n<body>\n{body}\n</body>\n</html>\n'

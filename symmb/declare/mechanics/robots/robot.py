@@ -9,6 +9,7 @@ from urllib.parse import unquote, urlsplit
 
 import casadi as ca
 
+from symmb._cleanup import real_path
 from symmb._errors import DeclarationError, Faults
 from symmb._names import did_you_mean
 from symmb._options import is_finite_number, is_real, require_truth, shown
@@ -387,7 +388,7 @@ def _mesh_path(name: str, urdf: Path) -> Path:
 
     The mesh "package://arm/meshes/a.stl" is `arm/meshes/a.stl` in one of the folders above the URDF file.
     """
-    folder = urdf.resolve().parent
+    folder = real_path(urdf).parent
     try:
         address = urlsplit(name)
     except ValueError:  # not a valid URL: the name of a file
