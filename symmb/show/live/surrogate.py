@@ -18,7 +18,9 @@ from symmb.show.live.live_page import page_data, require_page, written
 from symmb.show.live.wasm import module
 
 _LARGEST = 280_000
-"""Largest number of characters of the polynomials in a page. Polynomials of more times are left out."""
+"""Largest number of characters of the polynomials and times in a page. Polynomials of more times are left out."""
+_OF_A_TIME, _OF_A_VALUE = 32, 4
+"""Numbers of characters of a time and its number in a page, and of the value of an output at this time."""
 
 
 def live_surrogate(bounds: Bounds, path: str | Path | None = None, limits: Limits | None = None) -> Page | None:
@@ -50,8 +52,10 @@ def live_surrogate(bounds: Bounds, path: str | Path | None = None, limits: Limit
         for k in free
     ]
     own, rows = surrogate.part(slice(None), chosen), np.arange(len(bounds.t))
-    while len(text := _packed(own.part(rows, slice(None)))) > _LARGEST and len(rows) > 2:
-        count = max(2, min(len(rows) - 1, int(0.95 * len(rows) * _LARGEST / len(text))))
+    of_a_time = _OF_A_TIME + _OF_A_VALUE * len(chosen)
+    while len(text := _packed(own.part(rows, slice(None)))) > _LARGEST - of_a_time * len(rows) and len(rows) > 2:
+        share = _LARGEST / (len(text) + of_a_time * len(rows))
+        count = max(2, min(len(rows) - 1, int(0.95 * share * len(rows))))
         rows = np.unique(np.linspace(0, len(bounds.t) - 1, count).astype(int))
     t = bounds.t[rows]
     figures = names if len(t) == 1 else bounds.figures
