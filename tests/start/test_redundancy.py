@@ -68,6 +68,17 @@ def test_all_rows_are_kept_where_no_choice_of_rows_lasts():
     assert mb.DAESimulator(windows_in_space(), mb.DormandPrince()).dae.vanishing is None
 
 
+def test_a_rank_is_told_without_solving_for_accelerations(monkeypatch):
+    """With many redundant loops, these Functions take minutes."""
+    system, rows, nullities = bricard.scene().system, range(30), (1, 1)
+    monkeypatch.setattr(type(system), "solve", lambda *_: pytest.fail("accelerations are derived"))
+    monkeypatch.setattr(
+        "symmb.equations.model.compilation.vanishing_rows", lambda *_: pytest.fail("a Function is derived")
+    )
+    dae = mb.compile_dae(system, rows, nullities)
+    assert (dae.rank, dae.position_rank) == (29, 29)
+
+
 def four_bar(R: Rotation) -> mb.Trajectory:
     """A four-bar of spatial bodies whose rows turn with the bodies: hinges are declared from bar to bar."""
     z = tuple(R.apply((0, 0, 1)))

@@ -97,6 +97,7 @@ def compile_dae(system: System, rows: Sequence[int] | None = None, nullities: tu
         impacts=None if contacts is None else contacts.compiled(retract),
         s_rest=np.array([s.resting for s in c.states]) if c.joint_events else None,
         sampling=sampling_of(system),
+        nullities=(0, 0) if rows is None else nullities,
         **functions,  # pyright: ignore[reportArgumentType]
     )
 
@@ -133,7 +134,11 @@ def _equations(
         if right.numel():
             delta, _ = system.solve(ca.SX(system.v.numel(), 1), right)
             outputs["min_norm_correction"] = {"delta": ca.densify(delta)}
-        return outputs | (_redundancy_equations(whole[0], system, whole[1]) if whole else {})
+        if whole is not None:
+            lam_kept = system.G.T @ ca.SX(system.lam)
+            every = least_multipliers(whole[0].G, lam_kept, whole[0].collected.units)
+            outputs["distribute_multipliers"] = {"lam": every}
+        return outputs
 
     inputs = {
         "inertia": ("a", a),
@@ -171,29 +176,19 @@ def _equations(
     if ca.sparsify(power).nnz():
         equations["power"] = alone("power", lambda: {"power": power})
     if whole is not None:
-        names = ("distribute_multipliers", *(("vanishing",) if any(whole[1]) else ()))
-        equations |= {name: one_of(solved, name) for name in names}
+        equations["distribute_multipliers"] = one_of(solved, "distribute_multipliers")
+        if any(whole[1]):
+            equations["vanishing"] = alone("vanishing", lambda: _vanishing(system, whole[1]))
     return equations
 
 
-def _redundancy_equations(system: System, reduced: System, nullities: tuple[int, int]) -> dict[str, Outputs]:
-    """The outputs that a system with redundant rows needs: multipliers of smallest norm and vanishing combinations.
-
-    `reduced` has the rows that determine the motion. `nullities` are the numbers of vanishing combinations of these
-    rows and of the position rows among them, 0 for rows that are independent at all positions.
-    """
-    every: dict[str, Outputs] = {
-        "distribute_multipliers": {
-            "lam": least_multipliers(system.G, reduced.G.T @ ca.SX(reduced.lam), system.collected.units)
-        }
-    }
-    if not any(nullities):
-        return every
-    n_c, usual = reduced.Phi.numel(), 1 / reduced.collected.units
-    N = N_c = vanishing_rows(reduced.G, nullities[0], usual)
-    if reduced.Psi.numel():
-        N_c = vanishing_rows(reduced.G[:n_c, :], nullities[1], usual[:n_c])
-    return {"vanishing": {"of_all": N, "of_positions": N_c}, **every}
+def _vanishing(system: System, nullities: tuple[int, int]) -> Outputs:
+    """Combinations of the rows, and of the position rows, that vanish wherever the constraints are satisfied."""
+    n_c, usual = system.Phi.numel(), 1 / system.collected.units
+    N = N_c = vanishing_rows(system.G, nullities[0], usual)
+    if system.Psi.numel():
+        N_c = vanishing_rows(system.G[:n_c, :], nullities[1], usual[:n_c])
+    return {"of_all": N, "of_positions": N_c}
 
 
 def _functions(

@@ -67,6 +67,7 @@ class DAE:
     measured: Lazy[Scales] = field(default_factory=lambda: known(Scales()))
     s_rest: Array | None = None  # (n_s,), states at the start of the count of turns of angles; None: zeros
     sampling: Sampling | None = None  # values that are held between instants
+    nullities: tuple[int, int] = (0, 0)  # numbers of combinations of all rows and of position rows that vanish
 
     rhs = Equation[ca.Function]()  # -> q', v' [, s']
     inertia = Equation[ca.Function]()  # (..., a) -> M a, the forces that accelerations a (n_v,) need
@@ -196,12 +197,12 @@ class DAE:
     @property
     def rank(self) -> int:
         """Rank of G at nonsingular positions that satisfy the constraints."""
-        return self.n_r - (0 if self.vanishing is None else self.vanishing.size2_out(0))
+        return self.n_r - self.nullities[0]
 
     @property
     def position_rank(self) -> int:
         """Rank of the position rows at nonsingular positions that satisfy the constraints."""
-        return self.n_c - (0 if self.vanishing is None else self.vanishing.size2_out(1))
+        return self.n_c - self.nullities[self.n_c < self.n_r]
 
     def arguments(self, x: Any, p: Any, time: Any) -> tuple[ca.SX, ...]:
         """The state x = (q, v[, s]) split into the arguments of the Functions."""
