@@ -24,6 +24,7 @@ from symmb.bound.reductions import bounded
 from symmb.bound.responses import gathered, parameter_samples
 from symmb.connect import Progress, Simulator
 from symmb.equations.model import Box
+from symmb.study.tolerance_search import runs_of_check
 
 COST, FAILED = -2, -1
 """Columns of the cost, and of failures: 1 if a run fails, and -1 otherwise. Polynomials have the distances from the
@@ -430,7 +431,7 @@ class DesignSearch:
         bounds = bounded(PolynomialChaos(), self.simulator, box, executor=self._executor, progress=self._progress)
         nominal = dict(self.simulator.parameters) | dict(zip(self.names, self._middle(u).tolist(), strict=True))
         bounds = replace(bounds, study=Study(self.simulator, box), nominal_parameters=nominal, nominal=None)
-        check = bounds.check(self._limits) if self._limits else None
+        check = bounds.check(self._limits, runs=runs_of_check(bounds)) if self._limits else None
         self.evaluations += bounds.evaluations
         more = np.tile([0.0, 1.0 if bounds.failed else -1.0], (2, len(bounds.lower), 1))
         trial = self._trial(goals, u, np.concatenate([[bounds.lower, bounds.upper], more], axis=2))

@@ -69,6 +69,11 @@ class _Bracket:
     fault: str = ""
 
 
+def runs_of_check(bounds: Bounds) -> int | None:
+    """Number of runs of a check in a search. A limit that stays undecided costs a further study."""
+    return None if bounds.study is None or bounds.study.has_lanes else 2 * bounds.evaluations
+
+
 class Search:
     """Studies over boxes that are stretched about the nominal values, and runs at the worst points of these boxes."""
 
@@ -141,7 +146,7 @@ class Search:
         return replace(bounds, study=Study(simulator, box), nominal_parameters=dict(simulator.parameters))
 
     def _check(self, bounds: Bounds) -> LimitCheck:
-        check = bounds.check(self._limits)
+        check = bounds.check(self._limits, runs=runs_of_check(bounds))
         self.evaluations += sum(limit.further.runs for limit in check.limits if limit.further)
         return check
 

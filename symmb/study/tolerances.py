@@ -24,7 +24,7 @@ from symmb.equations.model import Box, Scene, require_only_intervals, with_some_
 from symmb.results.files import NOT_KEPT, Record, Saved, attributes, entries, entry
 from symmb.run.integrate import Solver
 from symmb.run.simulation import SceneSimulator, Subject, motion_of
-from symmb.study.tolerance_search import LARGEST_FACTOR, OWNER, TOLERANCE, Search
+from symmb.study.tolerance_search import LARGEST_FACTOR, OWNER, TOLERANCE, Search, runs_of_check
 from symmb.study.yield_search import ERROR, YieldSearch
 
 Costs = Mapping[str, Callable[[float], float]] | Callable[[float], float]
@@ -257,7 +257,7 @@ def tolerances(
             cost = total(factors)
         bounds = finished(PolynomialChaos(tolerance=TOLERANCE), simulator, bounds, executor)
     warn_of((*bounds.doubts, *search.remarks), OWNER)
-    check = bounds.check(limits)
+    check = bounds.check(limits, runs=runs_of_check(bounds))
     by_name = dict(zip(shape.names, factors.tolist(), strict=True))
     nominal = {name: float(simulator.parameters[name]) for name in shape.names}
     assert bounds.box is not None

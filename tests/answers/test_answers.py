@@ -261,7 +261,7 @@ CONTRIBUTING = [(name, own) for name, row in ROWS.items() if row.alone is not No
 
 @pytest.mark.parametrize(("name", "method"), CONTRIBUTING, ids=repr)
 def test_contributions_are_those_of_the_closed_form(name, method):
-    row, found = ROWS[name], bounds_of(name, method).contributions(runs=10_000)
+    row, found = ROWS[name], bounds_of(name, method).contributions(runs=100_000)
     assert row.takes_runs in (None, found.runs > 0)
     shape = len(row.outputs.split()), len(row.times), len(row.box)
 

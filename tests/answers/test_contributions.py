@@ -92,8 +92,8 @@ def test_contributions_of_first_order(method):
 
 def test_progress_tells_how_many_further_studies_there_are(monkeypatch):
     labels, own = [], Study.range
-    monkeypatch.setattr(Study, "range", lambda self, box, label: labels.append(label) or own(self, box, label))
-    bounds_of_stairs(3).contributions()
+    monkeypatch.setattr(Study, "range", lambda self, box, label, n: labels.append(label) or own(self, box, label, n))
+    bounds_of_stairs(3).contributions(runs=10_000)
     assert labels == [f"contributions, further study {k + 1} of {len(labels)}" for k in range(len(labels))] and labels
 
 

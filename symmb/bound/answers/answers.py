@@ -363,11 +363,9 @@ class Answers(Envelope):
 
         If this number does not suffice, the answer follows from polynomials with their errors.
         """
-        most = np.inf if runs is None else whole(owner, "runs", runs, 0)
+        most = self._leave(owner, runs)
         if self.study is None:
             return answer(self._responses(owner))
-        if runs is None and not self.study.has_lanes:
-            most = max(self.evaluations, 1)
         try:
             with self.study.allowing(most):
                 return answer(self._responses(owner))
@@ -378,6 +376,12 @@ class Answers(Envelope):
                 ) from None
             with self.study.allowing(0):
                 return answer(self._responses(owner, most))
+
+    def _leave(self, owner: str, runs: int | None) -> float:
+        """The number of further runs that an answer may make."""
+        if runs is not None:
+            return whole(owner, "runs", runs, 0)
+        return self.evaluations if self.study is not None and not self.study.has_lanes else np.inf
 
     def _responses(self, owner: str, most: float | None = None) -> Responses:
         """Responses that answer questions about the bounds. If `most` is given, as many runs do not suffice."""

@@ -23,7 +23,7 @@ _MISSED_HILL = 1e-3
 """Error of a search that ends inside the box, divided by the spread of the extremes of its first runs. A slightly
 higher local maximum may be next to the highest known one. tests/benchmarks/machine_tolerances.py"""
 _REPEATED = 3
-"""Number of runs beside those of the search: the nominal run, and the closest run, which is repeated."""
+"""Number of runs that are kept for the nominal run, and for the closest run, which is repeated."""
 _SUFFICIENT_GAIN = 1e-4
 """Smallest relevant gain of a step along a crease, divided by the spread of the first runs."""
 
@@ -85,9 +85,9 @@ class Excess:
     def __call__(self, points: Array) -> Array:
         """Make runs at points (N, d), and return the largest excess (N,) of each over time; -inf if a run fails.
 
-        Simulators other than scenes make no more runs than the study.
+        Without runs left, it is -inf.
         """
-        most = len(points) if self._study.has_lanes else max(self._bounds.evaluations - _REPEATED - self.runs, 0)
+        most = int(min(max(self._study.left - _REPEATED, 0), len(points)))
         if most < len(points):
             made = self(points[:most]) if most else np.zeros(0)
             return np.concatenate([made, np.full(len(points) - most, -np.inf)])
@@ -153,7 +153,7 @@ def closest_run(bounds: Envelope, k: int, side: str, limit: float, rows: Indices
     points = np.clip(np.concatenate([*_starts(bounds, k, side, rows)]).round(9), -1.0, 1.0)  # corners to the last digit
     points = np.concatenate([points, np.where(points < 0, -1.0, 1.0)])
     # Many runs of a scene cost little.
-    most = max(600, bounds.evaluations) if study.has_lanes else bounds.evaluations
+    most = max(600, bounds.evaluations) if study.left == np.inf else int(study.left)
     error, width = direct_search(excess, points, most, enough).error, _width(bounds, k)
     if study.has_lanes and 0 <= -excess.largest < _NEAR_LIMIT * width:
         error = _along_crease(excess, error, enough)

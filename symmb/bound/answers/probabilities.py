@@ -245,6 +245,9 @@ def probability_of(
         told, most = apart(float(estimate[-1]), error * float(lower[-1]))
         short = f"The error {told} is above {most}, which is {error:g} times the lowest probability {lower[-1]:.2g}."
         return replace(figures, remarks=(*figures.remarks, short))
+    if _is_short(found, error) and responses.runs is not None and responses.runs.left < _LEAST_RUNS_NEAR_LIMIT:
+        rare = f"Rarer events take up to {_MOST_RUNS_NEAR_LIMIT:,} runs near the limit. Allow them by runs=."
+        return replace(figures, remarks=(*figures.remarks, rare))
     return figures
 
 

@@ -1,6 +1,7 @@
 """The result of every bounding method."""
 
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -100,7 +101,7 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
         return {**self.__dict__, "study": None, "attaining": None, "parts": ()}
 
     @np.errstate(invalid="ignore")  # bounds and limits may be infinite
-    def check(self, limits: Limits) -> LimitCheck:
+    def check(self, limits: Limits, *, runs: int | None = None) -> LimitCheck:
         """Check whether outputs satisfy limits for all parameters of the box, at all times.
 
         The check widens the bounds by their estimated error at each time. A limit is satisfied if the widened bounds
@@ -124,6 +125,7 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
         ----------
         limits : mapping of output to (low, high); one of them may be None. Numbers are in the unit of the output.
             Examples of limits in other units: ("75 deg/s", None), (0.2, 0.3, "mm")
+        runs : largest number of further runs of a search
 
         Raises
         ------
@@ -132,7 +134,7 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
         """
         pairs = limit_pairs("Bounds.check", limits, self.names, self.units)
         with shown_runs(None, "runs near limits"):
-            checked, between = self._checked(pairs)
+            checked, between = self._checked(pairs, runs)
         worst = self._closest_to(checked)
         told = " ".join(between)
         others = [
@@ -188,11 +190,14 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
             remedy = ENDED if any(USED_UP in remark for remark in self.remarks) else STALLED
         return f"{begin}: {rule.cause[0].lower()}{rule.cause[1:]} {remedy}"
 
-    def _checked(self, pairs: Mapping[str, tuple[float, float]]) -> tuple[list[KeptLimit], list[str]]:
+    def _checked(self, pairs: Mapping[str, tuple[float, float]], runs: int | None) -> tuple[list[KeptLimit], list[str]]:
         """The results of limits, and remarks. With choices, the worst combination decides each limit."""
         if not self.parts:
-            return with_peaks(self, [kept_limit(self, name, *ends) for name, ends in pairs.items()])
-        found = [part._checked(pairs) for part in self.parts]
+            allowed = nullcontext() if self.study is None else self.study.allowing(self._leave("Bounds.check", runs))
+            with allowed:
+                limits = [kept_limit(self, name, *ends) for name, ends in pairs.items()]
+            return with_peaks(self, limits)
+        found = [part._checked(pairs, runs) for part in self.parts]
         remarks = [remark for _, own in found for remark in own]
         return joined_limits(self, [limits for limits, _ in found]), [*dict.fromkeys(remarks)]
 

@@ -11,6 +11,7 @@ import numpy as np
 from symmb._errors import DeclarationError, PropagationError
 from symmb._progress import shown_runs
 from symmb._types import Array, Executor
+from symmb.bound.adaptive import MOST_RUNS
 from symmb.bound.answers import Bounds
 from symmb.bound.methods import PolynomialChaos
 from symmb.bound.nodes import Sobol
@@ -96,11 +97,14 @@ class Study:
     def _budget(self) -> list[float]:
         return [np.inf]
 
+    def _take(self, n: int) -> None:
+        if n > self.left:
+            raise RunsUsedUpError(f"{n} runs are needed, and {self.left:g} are left.")
+        self._budget[0] -= n
+
     def _gathered(self, simulator: Simulator, points: Array) -> tuple[Array, FailedRuns]:
         """Values (N, n_t, n_y) at points (N, d) of the unit box, nan where a run failed, and the failed runs."""
-        if len(points) > self.left:
-            raise RunsUsedUpError(f"{len(points)} runs are needed, and {self.left:g} are left.")
-        self._budget[0] -= len(points)
+        self._take(len(points))
         return gathered(simulator, parameter_samples(simulator, self.box, points), self._working)
 
     @property
@@ -132,6 +136,7 @@ class Study:
             base = next(iter(self._peaks.values()), self.simulator)  # its equations are compiled already
             assert isinstance(base, SceneSimulator)
             self._peaks[names] = FigureSimulator.of_peaks(base, names)
+        self._take(len(points))
         return _lowest_and_highest(self._peaks[names], parameter_samples(self.simulator, self.box, points), None)
 
     @cached_property
@@ -156,7 +161,7 @@ class Study:
 
     def _bounds(self, box: Box, label: str, studies: int) -> Bounds:
         """Bounds over another box. They use equal parts of the runs that are left."""
-        budget = None if self.left == np.inf else int(self.left) // studies
+        budget = None if self.left >= studies * MOST_RUNS else int(self.left) // studies
         if budget == 0:
             raise RunsUsedUpError("No runs are left.")
         with shown_runs(None, label) as progress:

@@ -203,6 +203,8 @@ PRIVATE void restart(Block *b, const Study *s) {
   b->h = first_step(b, s);
 }
 
+#define MOST_MISSES 8 /* number of shortened steps in a row that miss their passes. Inexact interpolants miss one or two */
+
 /* Whether a shorter step replaces a step that passes a switch at its fraction z. Steps close to the shortest step are not
    replaced, because their length is hardly more than the rounding of times. */
 PRIVATE int is_early(const Block *b, double z, double shortest) { return z < LATE && z * b->h > 10.0 * shortest; }
@@ -257,16 +259,16 @@ PRIVATE int take_step(Block *b, Study *s) {
        in its middle, and the state at an early pass would have this error. So an early pass is found roughly, and a step to
        just after the pass replaces the step. The pass is then found again near the end of this step, where interpolants are as
        exact as steps. The rough search examines only the ends of the step. It is omitted in a shortened step, because its pass
-       must be the first pass. If a shortened step misses its pass, for example because it moves the state by less than its
-       rounding, the next step is not replaced. Otherwise short steps could follow each other without end. */
-    const double rough = searched && !b->shortened && !b->missed ? rough_pass(b) : 2.0;
+       must be the first pass. If several shortened steps miss their passes, for example because they move the state by less
+       than its rounding, the next step is not replaced. Otherwise short steps could follow each other without end. */
+    const double rough = searched && !b->shortened && b->missed < MOST_MISSES ? rough_pass(b) : 2.0;
     b->pass = !searched ? 2.0 : is_early(b, rough, shortest) ? rough : first_pass(b);
-    if (!b->missed && is_early(b, b->pass, shortest)) {
+    if (b->missed < MOST_MISSES && is_early(b, b->pass, shortest)) {
       b->shortened = 1;
       b->h *= b->pass * BEYOND; /* the pass must be within the shorter step, although this interpolant has an error */
       continue;
     }
-    b->missed = b->shortened && b->pass > 1.0;
+    b->missed = b->shortened && b->pass > 1.0 ? b->missed + 1 : 0;
     b->shortened = 0;
     if (b->pass <= 1.0) b->t_new = b->t + b->pass * b->h;
     const int jumps = N_E > 0 && b->t_new >= b->stop_time; /* laws of time and margins of joints may jump there */
