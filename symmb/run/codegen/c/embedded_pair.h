@@ -203,7 +203,7 @@ PRIVATE void restart(Block *b, const Study *s) {
   b->h = first_step(b, s);
 }
 
-#define MOST_MISSES 8 /* number of shortened steps in a row that miss their passes. Inexact interpolants miss one or two */
+#define MOST_MISSES 6 /* number of shortened steps in a row that miss their passes. In bristle friction, five do */
 
 /* Whether a shorter step replaces a step that passes a switch at its fraction z. Steps close to the shortest step are not
    replaced, because their length is hardly more than the rounding of times. */
