@@ -86,12 +86,14 @@ def ellipses(step: TimeStep, spread: tuple[float, float]) -> list[float]:
         c[:, 0] = 0.0
         own, most = c.sum(axis=1), spread[0 if axis == 1 else 1]
         rho.append(
-            _largest_below(lambda r, c=c, own=own, most=most: (largest_on([r], c) - own).max(initial=0.0) <= most)
+            _largest_below(lambda r, c=c, own=own, most=most: bool((largest_on([r], c) - own).max(initial=0.0) <= most))
         )
     own, allowed = rows.sum(axis=tuple(range(1, rows.ndim))), sum(spread)
     # together the ellipses move the states farther than each one alone, so all shrink by a common exponent
     share = _largest_below(
-        lambda r: (largest_on([max(s ** (r - 1.0), THINNEST) for s in rho], rows) - own).max(initial=0.0) <= allowed,
+        lambda r: bool(
+            (largest_on([max(s ** (r - 1.0), THINNEST) for s in rho], rows) - own).max(initial=0.0) <= allowed
+        ),
         2.0,
     )
     return [max(r ** (share - 1.0), THINNEST) for r in rho]

@@ -13,6 +13,7 @@ At a stability limit, lambda is imaginary or 0. The critical parameter replaces 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -183,12 +184,13 @@ def _critical_shape(A: Array) -> tuple[Array, float, bool]:
     none = int(np.count_nonzero(sizes <= _ZERO_SINGULAR_VALUE * sizes[0]))
     if none == 1:
         return vectors[-1], float(sizes[0]), False
-    values, vectors = np.linalg.eig(A)
+    values, complex_vectors = np.linalg.eig(A)
     on_axis = (np.abs(np.real(values)) <= SLIGHT * np.abs(values).max()) & (np.imag(values) > 0)
     if none or np.count_nonzero(on_axis) != 1:
         raise ValueError
     k = int(on_axis.argmax())
-    return vectors[:, k] / np.linalg.norm(vectors[:, k]), float(values[k].imag), True
+    vector: Any = complex_vectors[:, k]
+    return vector / np.linalg.norm(vector), float(values[k].imag), True
 
 
 def _rows_of_mode(J: ca.SX, shape: Array, real: ca.SX, imag: ca.SX, a: ca.SX, b: ca.SX) -> list[ca.SX]:

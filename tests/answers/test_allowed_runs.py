@@ -68,6 +68,15 @@ def test_answers_that_state_no_error_are_refused():
         Brake().bounds(mb.Vertex()).contributions()
 
 
+def test_means_of_few_runs_state_their_standard_errors():
+    bounds = Brake().bounds()
+    few = ASKED["statistical"](bounds, runs=150)
+    assert "follow from 50 runs. Their standard errors are 14% and about 10% of the standard deviations." in str(few)
+    exact = ASKED["statistical"](bounds, runs=4000)
+    assert "standard errors" not in str(exact)
+    assert np.abs(few.mean - exact.mean) <= 3 * 0.14 * exact.sigma
+
+
 def test_answers_use_the_executor_as_long_as_it_works():
     brake = Brake()
     with ThreadPoolExecutor(2) as pool:

@@ -29,7 +29,7 @@ JUMP_SHARE = 0.35
 _DEGREES_OF_TAIL = 4
 """Number of last degrees that give the error at kinks, where coefficients decrease slowly. Larger numbers are safer."""
 
-Part = tuple[Array, Array, Array]
+Part = tuple[Array, Array, Indices]
 """Centre and half width (d,) of a part of the box, and the degrees of an interpolant on this part."""
 
 

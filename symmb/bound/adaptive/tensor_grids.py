@@ -148,7 +148,8 @@ class Refinement:
         d = len(runs.box)
         self._runs, self._tolerance, self._counts = runs, tolerance, np.full(runs.shape[1], True)
         first = 4 if d == 1 and runs.left >= 5 else 2
-        part = (np.zeros(d), np.ones(d), np.full(d, first) if runs.first is None else runs.first.alpha.max(axis=0))
+        degrees = np.full(d, first) if runs.first is None else runs.first.alpha.max(axis=0)
+        part: Part = (np.zeros(d), np.ones(d), degrees)
         runs.at(nodes_of(part))  # widths follow from runs
         self._pieces = [Piece.of(runs, part, self._widths)]
         self._chosen, self._parts = self._pieces[0], list[Part]()

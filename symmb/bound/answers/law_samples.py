@@ -83,10 +83,8 @@ class LawSamples:
     def checks(self) -> tuple[Array, Array]:
         """Uniform numbers (N, n_l + n_free) of runs, and responses (N, n_t). The runs follow the distributions. Other
         parameters are uniform."""
-        u = (
-            Sobol().points(verifying_runs(self.responses), len(self.columns) + self.free.sum(), seed=SETS_OF_SAMPLES)
-            + 1
-        ) / 2
+        d = len(self.columns) + int(self.free.sum())
+        u = (Sobol().points(verifying_runs(self.responses), d, seed=SETS_OF_SAMPLES) + 1) / 2
         return u, self.by_runs(self.unit_points(u))
 
     def known(self) -> tuple[Array, Array]:

@@ -232,10 +232,13 @@ def statistics_of(
         points[:, own.columns] = own.unit_points((Sobol().points(n, len(own.names), 0) + 1) / 2, box)
         return points
 
-    n = _SAMPLES
+    n, few = _SAMPLES, tuple[str, ...]()
     if responses.runs is not None and not responses.is_good[columns].all():  # rejects need the other runs
         if (n := int(min(n, responses.runs.left / 3))) < _LEAST_SAMPLES:
             raise RunsUsedUpError("Means need more runs.")
+        if n < _SAMPLES:
+            parts = f"{n**-0.5:.0%} and about {(2 * n) ** -0.5:.0%} of the standard deviations"
+            few = (f"Means and standard deviations follow from {n} runs. Their standard errors are {parts}.",)
     points = np.concatenate([drawn(n), np.eye(len(box)), -np.eye(len(box))])
 
     def summary(Y: Array) -> Array:
@@ -266,7 +269,7 @@ def statistics_of(
     return Statistics(
         tuple(pairs), texts, responses.t[rows[0]], mean[rows], sigma[rows], rss[rows], worst[rows], cp, cpk[rows],
         rejects, errors, np.maximum(at_most(below[rows], above[rows]), rejects), total[:2],
-        _DEFAULT if laws is None else laws_text(full), further_runs, (*responses.remarks, *own.remarks, *remarks),
+        _DEFAULT if laws is None else laws_text(full), further_runs, (*responses.remarks, *own.remarks, *remarks, *few),
     )  # fmt: skip
 
 

@@ -109,7 +109,7 @@ class Fit:
 
     def determined(self, ok: Mask) -> bool:
         """Whether the nodes marked in ok (N,) determine all coefficients."""
-        return bool(ok.all()) or (not self.interpolates and self.weights.min() > 0 and _regular(self._gram(ok)))
+        return bool(ok.all()) or (not self.interpolates and bool(self.weights.min() > 0) and _regular(self._gram(ok)))
 
     def coefficients(self, sums: Array, ok: Mask) -> Array:
         """Coefficients (n_b, m) from ``functionals @ y`` (n_b, m) over the nodes marked in ok (N,)."""

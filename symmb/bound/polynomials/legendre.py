@@ -55,7 +55,7 @@ def basis_values(alpha: MultiIndices, points: Array) -> Array:
 
 def mean_squares(alpha: MultiIndices) -> Array:
     """Mean squares (n_b,) over the box, eq. (31)."""
-    return 1.0 / np.prod(2.0 * alpha + 1.0, axis=1)
+    return 1.0 / np.prod(2.0 * alpha + 1.0, axis=1, dtype=float)
 
 
 @cache

@@ -245,7 +245,7 @@ def _score(intervals: _Intervals, ranks: Indices, failed: Mask) -> float:
     """Gain of the log-likelihood by intervals, minus the cost of their limits."""
     inside = _inside(intervals, ranks)
     limits = sum((first > 0) + (end < ranks[j].max()) for j, (first, end) in intervals.items())
-    return float(_gain((failed & inside).sum(), inside.sum(), failed)) - limits * _cost(ranks)
+    return float(_gain(int((failed & inside).sum()), int(inside.sum()), failed)) - limits * _cost(ranks)
 
 
 def _cost(ranks: Indices) -> float:
@@ -261,7 +261,7 @@ def _inside(intervals: _Intervals, ranks: Indices) -> Mask:
     return inside
 
 
-def _gain(bad: Indices, runs: Indices, failed: Mask) -> Array:
+def _gain(bad: Indices | int, runs: Indices | int, failed: Mask) -> Array:
     """Gain of the log-likelihood if `bad` of `runs` runs fail inside; 0 if failures are rarer inside than outside."""
     all_bad, n = int(failed.sum()), len(failed)
     gain = _log_likelihood(bad, runs) + _log_likelihood(all_bad - bad, n - runs) - _log_likelihood(all_bad, n)

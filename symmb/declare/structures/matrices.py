@@ -85,7 +85,7 @@ def read(source: Sparse | str | PathLike[str], name: str, k: int) -> Sparse:
                 _require_size(tuple(shape), name, k)
                 if not entries <= shape[0] * shape[1]:
                     raise ValueError(f"its header gives {entries} entries, too many for {shape[0]} rows")
-                source = mmread(source)
+                source = mmread(source, spmatrix=False)
         except FileError:
             raise
         except (ValueError, OverflowError, MemoryError) as error:

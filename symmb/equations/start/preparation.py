@@ -84,7 +84,7 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
         joint_residuals=of_joints,
         joint_values=tuple(value.name for value in prescribed.joints),
         solved=tuple(coordinate_of(dae, i) for i in positions.solved),
-        free=tuple(coordinate_with_value(dae, i, positions.q0) for i in np.setdiff1d(free, positions.solved)),
+        free=tuple(coordinate_with_value(dae, i, positions.q0) for i in np.setdiff1d(free, positions.solved).tolist()),
         solved_velocities=tuple(dae.v_names[i] for i in free_velocities[determined]),
         free_velocities=tuple(f"{dae.v_names[i]} = {v0[i]:.6g}" for i in left),
         is_equilibrium=scene.equilibrium,
