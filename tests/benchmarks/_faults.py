@@ -146,8 +146,8 @@ FAULTS = (
         "factor",
         "mean squares of Legendre polynomials of degree 2 and more",
         "symmb/bound/polynomials/legendre.py",
-        "np.prod(2.0 * alpha + 1.0, axis=1)",
-        "np.prod(np.minimum(2.0 * alpha + 1.0, 3.0), axis=1)",
+        "np.prod(2.0 * alpha + 1.0, axis=1, dtype=float)",
+        "np.prod(np.minimum(2.0 * alpha + 1.0, 3.0), axis=1, dtype=float)",
         "polynomials nodes",
     ),
     Fault(

@@ -19,7 +19,7 @@ import casadi as ca
 import numpy as np
 
 import symmb as mb
-from symmb.run.simulation import Subject
+from symmb.run.simulation import FigureSimulator, Subject
 
 MISS = 0.02
 KINDS = "stop", "impact", "rope", "law", "time", "value", "parameters"
@@ -99,13 +99,18 @@ def case(rng: np.random.Generator, kind: str) -> Case:
 def runs_of(scene: mb.Scene) -> Callable[[np.ndarray], np.ndarray]:
     """A function of points (N, d) of the unit box with the outputs (N, n_t, n_y) of their runs."""
     simulator = Subject.of(scene).over(scene.box)[0]
+    absent = isinstance(simulator, FigureSimulator) and [name for name, end in simulator.ends.items() if end is None]
     names = list(simulator.parameters)
     columns = [names.index(n) for n in scene.box.names]
 
     def values(X: np.ndarray) -> np.ndarray:
         P = np.tile(np.array(list(simulator.parameters.values())), (len(X), 1))
         P[:, columns] = scene.box.from_unit(X)
-        return simulator.run(P).Y
+        if not absent:
+            return simulator.run(P).Y
+        Y = simulator.continued().run(P).Y
+        Y[~simulator.continued([]).run(P).ok, :, [scene.output_names.index(name) for name in absent]] = np.nan
+        return Y
 
     return values
 
@@ -118,17 +123,17 @@ def true_range(scene: mb.Scene, rng: np.random.Generator) -> tuple[np.ndarray, n
     low = high = None
     for scale in (0.3, 0.1, 0.03, 0.01, 0.0):
         Y = values(X)
-        Y = np.where(np.isnan(Y).any(axis=(1, 2), keepdims=True), np.nan, Y)
-        if np.isnan(Y).all():
-            break
-        ends = np.nanmin(Y, axis=0), np.nanmax(Y, axis=0)
-        low, high = ends if low is None else (np.minimum(low, ends[0]), np.maximum(high, ends[1]))
+        ends = np.fmin.reduce(Y, axis=0), np.fmax.reduce(Y, axis=0)
+        low, high = ends if low is None else (np.fmin(low, ends[0]), np.fmax(high, ends[1]))
         if not scale:
             break
-        best = np.unique(np.concatenate([np.nanargmin(Y, axis=0).ravel(), np.nanargmax(Y, axis=0).ravel()]))
+        lowest = np.where(np.isnan(Y), np.inf, Y).argmin(axis=0)
+        highest = np.where(np.isnan(Y), -np.inf, Y).argmax(axis=0)
+        best = np.unique(np.concatenate([lowest.ravel(), highest.ravel()]))
         near = np.repeat(X[rng.choice(best, min(40, len(best)), replace=False)], 25, axis=0)
         X = np.clip(near + scale * rng.normal(size=near.shape) * (rng.uniform(size=near.shape) < 0.5), -1, 1)
-    return (low, high) if low is not None and high is not None else (np.full(Y.shape[1:], np.nan),) * 2
+    assert low is not None and high is not None
+    return low, high
 
 
 def main(seed: int, number: int, kinds: list[str]) -> None:

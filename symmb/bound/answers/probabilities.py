@@ -10,6 +10,7 @@ from symmb import _html as html
 from symmb._errors import DeclarationError
 from symmb._labelled import Labelled, Named, Result
 from symmb._limits import require_memory
+from symmb._magnitudes import ROUNDING
 from symmb._names import ByName, counted
 from symmb._options import is_finite_number, numbers_of, shown, whole
 from symmb._table import aligned, apart, at_time, is_timeless, over_times, time_text
@@ -332,7 +333,7 @@ def _near_limit(samples: LawSamples, limits: tuple[Ends, Ends], error: float, mo
     )
     samples.runs += found.runs
     share, n = np.clip(found.shares, 0.0, 1.0), max(found.failures, 1)
-    unseen = np.where(share < 1, EXPECTED_IF_NONE / n, 0.0)
+    unseen = np.where(share < 1 - ROUNDING, EXPECTED_IF_NONE / n, 0.0)  # shares are sums of weights
     of_share = np.minimum(STANDARD_ERRORS * np.sqrt(share * (1 - share) / n) + unseen, 1.0)
     probability = found.probability * np.append(share, 1.0)
     estimate = found.error * np.append(share, 1.0) + found.probability * np.append(of_share, 0.0)

@@ -76,22 +76,28 @@ def _with_column(every: Bounds, some: Bounds | None, name: str) -> Bounds:
     if some is None:
         own = [mixed(each, None) for each in (every.lower, every.upper, every.estimate)]
         remark = (
-            f"The condition of {name} holds in none of {_SAMPLES.samples} random runs, so that {name} has no bounds. "
-            f"In samples, {name} has its value at the end of a run."
+            f"The condition of {name} holds in none of {_SAMPLES.samples} random runs. In samples, {name} has its "
+            f"value at the end of a run."
         )
         known = dict(zip(("lower", "upper", "estimate"), own, strict=True))
         return replace(every, **known, inner=None, remarks=(*every.remarks, remark))
-    where = some.failed_region or f"in {len(some.failed)} of {counted(some.evaluations, 'run')}"
+    where = (
+        some.failed_region.replace("scattered", "in runs scattered")
+        or f"in {len(some.failed)} of {counted(some.evaluations, 'run')}"
+    )
     remarks = [
         f"The condition of {name} never holds {where}. The bounds of {name} are those of the other runs. In samples, "
         f"{name} has its value at the end of such runs."
     ]
     if some.kind == "sampled" and every.kind != "sampled":
         remarks.append(f"The bounds of {name} are extremes of random runs.")
+    of_samples = (
+        some.upper - some.lower if some.evaluations - len(some.failed) > 1 else np.full(some.upper.shape, np.inf)
+    )
     known: dict[str, Any] = {
         "lower": mixed(every.lower, some.lower),
         "upper": mixed(every.upper, some.upper),
-        "estimate": mixed(every.estimate, some.upper - some.lower if some.estimate is None else some.estimate),
+        "estimate": mixed(every.estimate, of_samples if some.estimate is None else some.estimate),
         "remarks": (*every.remarks, *remarks),
         "evaluations": every.evaluations + some.evaluations,
     }
