@@ -66,7 +66,12 @@ def _choice(good: Sequence[Trial], standard: Standard) -> str:
     first = good[0]
     other = next((t for t in good if t.family != first.family), None)
     also = f", then {_timed(other)}" if other else ""
-    return f"For errors up to {GOOD_ERROR:g} of the motion, the fastest is {_timed(first)}{also}."
+    text = f"For errors up to {GOOD_ERROR:g} of the motion, the fastest is {_timed(first)}{also}."
+    return f"{text} Fine tolerances take too long: {_damped(standard)}." if standard.damped >= 0 else text
+
+
+def _damped(standard: Standard) -> str:
+    return f"fast oscillations with up to {standard.damped:.1g} of the largest velocity are left out"
 
 
 def _timed(trial: Trial) -> str:
@@ -142,5 +147,6 @@ def _verdict(trials: Sequence[Trial], standard: Standard) -> str:
     others = [t for t in trials if t.family not in {g.family for g in good}]
     finished = [t for t in others if not t.reason]
     failed = by_reason([t for t in others if t.family not in {f.family for f in finished}])
-    parts = filter(None, [f"inaccurate: {named(finished)}" if finished else "", failed])
+    without = _damped(standard) if standard.damped >= 0 else ""
+    parts = filter(None, [without, f"inaccurate: {named(finished)}" if finished else "", failed])
     return "; ".join([_timed(good[0]) if good else "no tried setting is good", *parts])

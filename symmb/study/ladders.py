@@ -9,6 +9,7 @@ from symmb.run.integrate import (
     NSTIFFSI2,
     SOLVERS,
     DormandPrince,
+    GeneralizedAlpha,
     Rosenbrock,
     Solver,
     StabilizedIndex2,
@@ -20,16 +21,21 @@ CONTROLLED = frozenset({"DormandPrince", "Rosenbrock", "StabilizedIndex2", "CVOD
 FIXED = frozenset(entry.family for entry in SOLVERS if entry.ladder is not None and not entry.tolerances)
 """Families with fixed steps."""
 
+FILTERING = frozenset({"GeneralizedAlpha", "NSTIFFSI2"})
+"""Families with fixed steps that damp fast oscillations. They are a reference if no solver with tolerances finishes."""
+
 Ladder = Sequence[tuple[float, Solver]]
 """Pairs of a relative tolerance or a step [s], and a solver."""
 
 
-def references() -> dict[str, Ladder]:
-    """Very different solvers with two tolerances each, by family."""
+def references(step: float) -> dict[str, Ladder]:
+    """Very different solvers with two tolerances or steps each, by family."""
     return {
         "DormandPrince": [(r, DormandPrince(rtol=r)) for r in (1e-9, 1e-12)],
         "Rosenbrock": [(r, Rosenbrock(rtol=r)) for r in (1e-6, 1e-8)],
         "CVODES, stiff": [(r, CVODES(rtol=r, stiff=True)) for r in (1e-9, 1e-11)],
+        "GeneralizedAlpha": [(h, GeneralizedAlpha(step=h)) for h in (step / 16, step / 64)],
+        "NSTIFFSI2": [(h, NSTIFFSI2(step=h)) for h in (step / 16, step / 64)],
     }
 
 
@@ -47,12 +53,13 @@ def ladders(horizon: float, rate: float) -> dict[str, Ladder]:
 
 
 def under_stress(step: float) -> dict[str, Ladder]:
-    """Some very different solvers, by family. Two tolerances of a solver allow a comparison of its runs."""
+    """Some very different solvers, by family. Two settings of a solver allow a comparison of its runs."""
     return {
         "DormandPrince": [(r, DormandPrince(rtol=r)) for r in (1e-6, 1e-8, 1e-10, 1e-12)],
+        "GeneralizedAlpha": [(h, GeneralizedAlpha(step=h)) for h in (step / 4, step / 16, step / 64)],
+        "NSTIFFSI2": [(h, NSTIFFSI2(step=h)) for h in (step, step / 16, step / 64)],
         "Rosenbrock": [(r, Rosenbrock(rtol=r)) for r in (1e-5, 1e-7, 1e-9)],
         "CVODES, stiff": [(r, CVODES(rtol=r, stiff=True)) for r in (1e-8, 1e-10)],
-        "NSTIFFSI2": [(step, NSTIFFSI2(step=step))],
         "StabilizedIndex2": [(r, StabilizedIndex2(rtol=r)) for r in (1e-6, 1e-8)],
         "CVODES": [(r, CVODES(rtol=r)) for r in (1e-9, 1e-12)],
     }

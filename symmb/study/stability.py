@@ -1,7 +1,6 @@
 """Stability of solvers: every solver with several steps or tolerances, on a scene and on harder variants."""
 
 import itertools
-import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -27,10 +26,10 @@ from symmb.run.integrate import Stiffness, stiffness
 from symmb.run.simulation import Subject, scene_of
 from symmb.run.verification import linear_theory_doubts
 from symmb.study.advice import advice
-from symmb.study.ladders import CONTROLLED, Ladder, finer_steps, ladders, references, under_stress
+from symmb.study.ladders import Ladder, finer_steps, ladders, references, under_stress
 from symmb.study.standard import Standard, standard_of
 from symmb.study.stress import stresses
-from symmb.study.trials import Job, Trial, by_family, run_jobs
+from symmb.study.trials import Job, Trial, by_family, processor_time, run_jobs
 
 TIMES = 51
 """Number of output times, enough to show drift over time. Steps end at output times: more times need shorter steps."""
@@ -154,9 +153,9 @@ class Stability(plot.ThreeDiagrams, WithWarnings, Saved):
 
 @kept_interrupts()
 def stability(
-    scene: Scene, progress: Callable[[str, int, int], None] | None = None, *, seconds: float = 70.0
+    scene: Scene, progress: Callable[[str, int, int], None] | None = None, *, seconds: float = 60.0
 ) -> Stability:
-    """Try every solver on a scene and on harder variants. Each run takes up to 3 s, and all runs about a minute.
+    """Try every solver on a scene and on harder variants. All runs take about a minute of processor time.
 
     In some variants, springs are 100 or 10,000 times as stiff, or the lightest body is 100 or 10,000 times as light. In
     other variants, functions of time, start velocities and gravity make the motion 10 times faster or slower, with the
@@ -164,7 +163,8 @@ def stability(
     corners.
 
     Fixed steps depend on the horizon and the fastest motion. Errors are differences from a reference solution that
-    conserves energy. Runs with two tolerances confirm this solution. Without a reference, no setting is recommended.
+    conserves energy. Runs with two tolerances confirm this solution. If oscillations are too fast for these runs, two
+    solvers that damp oscillations may confirm a solution without them. Without a reference, no setting is recommended.
 
     Parameters
     ----------
@@ -173,7 +173,7 @@ def stability(
         called with the label of the work, the number of finished runs and the number of all runs; default: a bar, in
         notebooks and terminals
     seconds : float
-        time after which no run starts [s]; a single run may take 3/70 of this time
+        processor time after which no run starts [s]; a single run may take a fortieth of this time
 
     Raises
     ------
@@ -203,12 +203,12 @@ def stability(
     with shown(progress, f"trying solvers on {scene.name}") as progress:
         study = _StabilityStudy(scene, progress)
         # Trials of the scene itself end after half of the time. The harder variants use the remaining time.
-        limit, half = 3 / 70 * seconds, 0.5 * seconds
-        study.collect(study.jobs(references()), 5 / 70 * seconds, half)
+        limit, half = seconds / 40, 0.5 * seconds
+        study.collect(study.jobs(references(study.step)), 2 * limit, half)
         known = list(study.done)
         fastest, horizon = study.fastest(), float(study.times[-1] - study.times[0])
         jobs = study.jobs(ladders(horizon, fastest.rate))
-        harder = [job for name, make in stresses(study.scene) for job in _stress_jobs(name, make, horizon)]
+        harder = [job for name, make in stresses(study.scene) for job in _stress_jobs(name, make, study.step)]
         harder = [job for job in harder if job.family not in study.untried]
         study.announce(jobs, harder)
         try:
@@ -231,8 +231,10 @@ class _StabilityStudy:
     """A scene, and its runs so far."""
 
     def __init__(self, scene: Scene, progress: Callable[[str, int, int], None] | None) -> None:
-        self._begin, self._progress = time.monotonic(), progress
+        self._begin, self._progress = processor_time(), progress
         self.times = np.linspace(float(scene.times[0]), float(scene.times[-1]), TIMES)
+        # Number of fixed steps over the horizon of the scene, which gives the steps of the variants.
+        self.step = float(self.times[-1] - self.times[0]) / 800
         if scene.system.collected.has_events:
             raise SimulationError(
                 f"{scene.name} has impacts, or joints that open or close. Only EventDriven() locates such events, "
@@ -244,7 +246,7 @@ class _StabilityStudy:
         self.scene, self.done, self._order = scene.with_times(self.times), [], []
         own = {family: ladder[0][1] for family, ladder in ladders(1.0, 1.0).items() if not has_compiler()}
         self.untried = [name for name, s in own.items() if s.needs_compiler and s.runs_in_lanes(self._bodies.dae)]
-        self.total = sum(len(job.solvers) for job in self.jobs(references()))
+        self.total = sum(len(job.solvers) for job in self.jobs(references(self.step)))
 
     def jobs(self, families: Mapping[str, Ladder]) -> list[Job]:
         """The scene itself, by all solvers of the families. Families are left out if their C compiler is missing."""
@@ -257,7 +259,7 @@ class _StabilityStudy:
         self.total += sum(len(job.solvers) for some in jobs for job in some)
 
     def collect(self, jobs: Sequence[Job], limit: float, end: float) -> None:
-        """Run jobs. Each trial has a time limit, and no trial starts after the end [s]."""
+        """Run jobs. Each trial has a limit of processor time, and no job starts after the end [s]."""
         for trial in run_jobs(jobs, limit, self._begin + end):
             self.done.append(trial)
             if self._progress is not None:
@@ -313,14 +315,10 @@ def _parted(trials: Sequence[Trial]) -> tuple[tuple[Trial, ...], tuple[Trial, ..
     return tuple(trial for trial in trials if not trial.scene), tuple(trial for trial in trials if trial.scene)
 
 
-def _stress_jobs(name: str, make: Callable[[], Scene], horizon: float) -> list[Job]:
+def _stress_jobs(name: str, make: Callable[[], Scene], step: float) -> list[Job]:
     """Jobs of all families for a variant. Fixed steps do not depend on the horizon. Fast motions add smaller steps."""
-    # Number of fixed steps over the horizon of the scene, which gives the steps of the variants.
-    step = horizon / 800
-    return [
-        Job(name, make, family, ladder, None if family in CONTROLLED else partial(finer_steps, longest=step))
-        for family, ladder in under_stress(step).items()
-    ]
+    further = {"NSTIFFSI2": partial(finer_steps, longest=step / 64)}
+    return [Job(name, make, family, ladder, further.get(family)) for family, ladder in under_stress(step).items()]
 
 
 def _corners(scene: Scene) -> dict[float, tuple[int, int]]:

@@ -1,17 +1,23 @@
 """The reference solution for the trials of a scene, or the reason why there is no reference."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from symmb._magnitudes import NOTHING, ROUNDING
 from symmb._types import Array
-from symmb.study.ladders import CONTROLLED
+from symmb.study.ladders import CONTROLLED, FILTERING
 from symmb.study.trials import Trial, by_family, by_reason
 
 AGREEMENT = 1e-4
 """Largest difference of two runs that confirm each other. The runs have two tolerances, or two solvers."""
+_FILTERED = 4e-4
+"""Largest uncertainty of a solution without fast oscillations. Errors below 1e-3, known to 4e-4, can then be stated."""
+_DAMPED = 0.03
+"""Largest velocities of the oscillations that may be left out, divided by the largest velocities."""
+_LOST = 1e-4
+"""Largest accepted drift of energy of a solution, relative to the largest kinetic energy."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,12 +30,15 @@ class Standard:
     units : n_y texts            units of the outputs
     uncertainty : float          `distance` of the coarser run, or of the closest run of another solver if larger
     fault : str                  reason why there is no confirmed solution; empty if there is one
+    damped : float               velocities of fast oscillations that the solution does not contain, because its solvers
+                                 damp them, divided by the largest velocities; nan if it contains them
     """
 
     values: Array = field(default_factory=lambda: np.empty((0, 0)), repr=False)
     units: tuple[str, ...] = ()
     uncertainty: float = float("nan")
     fault: str = ""
+    damped: float = float("nan")
 
     def error(self, trial: Trial) -> float | None:
         """The error of a run, but not less than the uncertainty; None if the run failed, or without a reference."""
@@ -51,17 +60,42 @@ def standard_of(trials: Sequence[Trial], units: tuple[str, ...]) -> Standard:
     """The solution on which runs of one scene with adaptive solvers agree.
 
     For each solver, the finished runs with the two smallest tolerances are compared. Solvers with a small difference
-    must also agree with each other.
+    must also agree with each other. If no such solver finishes, a solution without fast oscillations may be found.
     """
+    found = _standard_of(trials, units)
+    other = _filtered(trials, units) if found.fault else None
+    if other is None or not other.damped > _DAMPED:
+        return other or found
+    lost = f"solvers with fixed steps agree, but damp oscillations with {other.damped:.1g} of the largest velocity"
+    return replace(found, fault=f"{found.fault}; {lost}")
+
+
+def _filtered(trials: Sequence[Trial], units: tuple[str, ...]) -> Standard | None:
+    """The solution on which two solvers that damp fast oscillations agree, each with two steps; None if they do not.
+
+    The energy that a run has lost is at least that of the oscillations, so that the square root of its share bounds the
+    share of their velocities.
+    """
+    pairs = _pairs([trial for trial in trials if trial.family in FILTERING], units)
+    if len(pairs) < 2:
+        return None
+    best = pairs[0].fine
+    apart = max(pairs[0].apart, *(distance(pair.fine.values, best.values, units) for pair in pairs[1:]))
+    return Standard(best.values, units, apart, damped=best.energy**0.5) if apart <= _FILTERED else None
+
+
+def _standard_of(trials: Sequence[Trial], units: tuple[str, ...]) -> Standard:
+    """The solution on which solvers with tolerances agree."""
     trials = [trial for trial in trials if trial.family in CONTROLLED]
     pairs = _pairs(trials, units)
     reasons = {trial.reason for trial in trials}
-    if len(reasons) == 1 and reasons != {""}:  # all fail for the same reason: the scene is the cause
+    if (
+        len(reasons) == 1 and reasons != {""} and not trials[0].slow
+    ):  # all fail for the same reason: the scene is the cause
         return Standard(fault=reasons.pop())
     if not pairs:
         return Standard(fault=f"no solver finishes at two tolerances ({by_reason(trials)})")
-    # Largest accepted drift of energy of a solution, relative to the largest kinetic energy.
-    confirmed = [pair for pair in pairs if pair.apart <= AGREEMENT and not pair.fine.energy > 1e-4]
+    confirmed = [pair for pair in pairs if pair.apart <= AGREEMENT and not pair.fine.energy > _LOST]
     if not confirmed:
         return Standard(fault=_fault(pairs, units))
     best = confirmed[0].fine

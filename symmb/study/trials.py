@@ -1,7 +1,10 @@
 """Runs of `stability` that may fail or take too long. Each family of solvers has a separate process."""
 
+import contextlib
 import multiprocessing
+import os
 import re
+import signal
 import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
@@ -22,9 +25,10 @@ from symmb.run.simulation import Trajectory, simulate
 from symmb.study.ladders import CONTROLLED
 
 LEFT_OUT = "left out for lack of time"
-_TOO_LONG, _MANY_STEPS = "took longer than", "has taken too many steps at"
+_TOO_LONG, _MANY_STEPS = "took more than", "has taken too many steps at"
 _LONGER, _LARGER = "a longer step took too long", "a larger tolerance took too long"
-SLOW = (LEFT_OUT, _TOO_LONG, _LONGER, _LARGER, _MANY_STEPS)
+_EASIER = "an easier variant took too long"
+SLOW = (LEFT_OUT, _TOO_LONG, _LONGER, _LARGER, _EASIER, _MANY_STEPS)
 """First words of the reason of a trial that had no time to finish."""
 _LIMITED = ("TOO_MUCH_WORK", "steps are not enough")
 """Parts of the messages of solvers that reached their maximum number of steps."""
@@ -33,7 +37,13 @@ _ENERGY = "the energy"
 _TOO_SLOW, _WRONG_ENERGY, _BROKEN = "too slow", "wrong energy", "breaks down"
 """Kinds of failures. LEFT_OUT is another kind."""
 _SETUP = 15.0
-"""Additional time for the first trial of a job [s]. The compilation is cached only if this trial ends."""
+"""Processor time in which the scene of a job is made and its equations are derived [s], before its first trial."""
+_SHORT = 1e-9
+"""Horizon of a run that derives the equations and compiles the solver, divided by the horizon of the scene."""
+_HARDER = ("stiffness", "mass ratio", "horizon")
+"""First words of the variants that take longer with a larger factor."""
+_WALL = 20.0
+"""Wall time over processor time after which a trial counts as hanging. On a busy machine, trials wait for others."""
 _DRIFT = entry(Record.size, None)
 
 
@@ -140,17 +150,25 @@ class Job:
     solvers: Sequence[tuple[float, Solver]]
     follow: Callable[[Scene], Sequence[tuple[float, Solver]]] | None = None
 
+    @property
+    def kind(self) -> tuple[str, str]:
+        """The family, and the variants to which the scene belongs. Variants with larger factors are harder."""
+        return self.family, self.scene.rpartition(" x ")[0]
+
     def trial(self, k: int, **results: Any) -> Trial:
         setting, solver = self.solvers[k]
         return Trial(self.scene, repr(solver), self.family, setting, **results)
 
     def begin(self) -> "Job":
-        """The job with all its settings and its scene, made in this process."""
+        """The job with all its settings and its scene, made in this process, and a compiled solver."""
         try:
             scene = self.make()
             further = self.follow(scene) if self.follow else ()
         except SymmbError as error:
             return replace(self, make=partial(_raise, error), follow=None)
+        begin, end = float(scene.times[0]), float(scene.times[-1])
+        with contextlib.suppress(SymmbError):  # the trials tell why
+            simulate(scene.with_times([begin, begin + _SHORT * (end - begin)]), self.solvers[0][1])
         return replace(self, make=lambda: scene, solvers=[*self.solvers, *further], follow=None)
 
     def run(self) -> Iterator[Trial]:
@@ -212,6 +230,7 @@ class _Running:
     job: Job
     process: Any
     pipe: Connection
+    limit: float
     since: float
     done: int = 0
     ended: bool = False
@@ -221,8 +240,12 @@ class _Running:
         try:
             message = self.pipe.recv()
         except EOFError:
-            self.ended = True
-            yield from _left(self.job, self.done, "the process ended without a result")
+            self.process.join()
+            if self.process.exitcode == -signal.SIGPROF:
+                yield from self._too_long()
+            else:
+                self.ended = True
+                yield from _left(self.job, self.done, "the process ended without a result")
             return
         if isinstance(message, Trial):
             yield message
@@ -232,41 +255,61 @@ class _Running:
         self.since = time.monotonic()
         self.ended = self.done == len(self.job.solvers)
 
-    def left(self, limit: float) -> Iterator[Trial]:
-        """The remaining trials of the job, marked as left out, if the current trial takes longer than the limit [s]."""
-        most = limit if self.done else limit + _SETUP
-        if time.monotonic() - self.since > most:
-            self.ended = True
-            others = _LARGER if self.job.family in CONTROLLED else _LONGER
-            yield from _left(self.job, self.done, f"{_TOO_LONG} {most:g} s with its set-up", others)
+    @property
+    def is_hanging(self) -> bool:
+        return time.monotonic() - self.since > _WALL * (self.limit + _SETUP)
+
+    def _too_long(self) -> Iterator[Trial]:
+        """The remaining trials of the job, marked as left out."""
+        self.ended = True
+        others = _LARGER if self.job.family in CONTROLLED else _LONGER
+        yield from _left(self.job, self.done, f"{_TOO_LONG} {self.limit:g} s of processor time", others)
+
+    def steps(self, is_ready: bool) -> Iterator[Trial]:
+        """The trials that are known now."""
+        if is_ready:
+            yield from self.received()
+        elif self.is_hanging:
+            yield from self._too_long()
 
 
-def run_jobs(jobs: Sequence[Job], limit: float, deadline: float) -> Iterator[Trial]:
+def processor_time() -> float:
+    """Processor time of this process and of the processes that it has waited for [s]."""
+    return sum(os.times()[:4])
+
+
+def run_jobs(jobs: Sequence[Job], limit: float, end: float) -> Iterator[Trial]:
     """The trials of all jobs, in the order in which they end.
 
-    A trial is stopped if it takes longer than the limit [s], set-up included. Slower trials of the same job are then
-    left out. The first trial of a job has more time, because it compiles the scene. No trial starts after the deadline
-    (`time.monotonic`). If processes cannot be forked, jobs run in this process one after the other, without limits.
+    A trial is stopped if it takes more processor time than the limit [s]. Slower trials of the same job are then left
+    out, and if it was the first one, also harder variants. No job starts after a processor time (`processor_time`). If
+    processes cannot be forked, jobs run in this process one after the other, without limits.
     """
     if "fork" not in multiprocessing.get_all_start_methods():
         for job in jobs:
-            yield from job.begin().run() if time.monotonic() < deadline else _left(job, 0, LEFT_OUT)
+            yield from job.begin().run() if processor_time() < end else _left(job, 0, LEFT_OUT)
         return
-    pending: list[Job] = list(jobs)
-    running: list[_Running] = []
+    pending, running, slow = list(jobs), list[_Running](), set[tuple[str, str]]()
     try:
         while pending or running:
-            # Number of trials that run at the same time.
-            while pending and len(running) < 2:
-                job = pending.pop(0)
-                if time.monotonic() < deadline:
-                    running.append(_begin(job))
+            # Number of trials that run at the same time. A variant waits for easier ones.
+            kinds = [r.job.kind for r in running]
+            while len(kinds) < 2 and (job := next((job for job in pending if job.kind not in kinds), None)):
+                pending.remove(job)
+                if job.kind in slow:
+                    yield from _left(job, 0, _EASIER)
+                elif processor_time() < end:
+                    running.append(_begin(job, limit))
+                    kinds.append(job.kind)
                 else:
                     yield from _left(job, 0, LEFT_OUT)
             # Time between checks of the running trials [s]: shorter than a trial, and longer than a check.
             ready = wait([r.pipe for r in running], 0.2)
             for r in list(running):
-                yield from r.received() if r.pipe in ready else r.left(limit)
+                for trial in r.steps(r.pipe in ready):
+                    if trial.slow and trial.setting == r.job.solvers[0][0] and r.job.scene.startswith(_HARDER):
+                        slow.add(r.job.kind)
+                    yield trial
                 if r.ended:
                     _end(r)
                     running.remove(r)
@@ -275,15 +318,15 @@ def run_jobs(jobs: Sequence[Job], limit: float, deadline: float) -> Iterator[Tri
             _end(r)
 
 
-def _begin(job: Job) -> _Running:
+def _begin(job: Job, limit: float) -> _Running:
     context = multiprocessing.get_context("fork")
     mine, theirs = context.Pipe(duplex=False)
-    process = context.Process(target=_send, args=(job, theirs), daemon=True)
+    process = context.Process(target=_send, args=(job, theirs, limit), daemon=True)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # Python warns of forks in programs with threads
         process.start()
     theirs.close()
-    running = _Running(job, process, mine, time.monotonic())
+    running = _Running(job, process, mine, limit, time.monotonic())
     note_group(running.process.pid)
     return running
 
@@ -293,11 +336,16 @@ def _end(running: _Running) -> None:
     running.process.join()
 
 
-def _send(job: Job, pipe: Connection) -> None:
+def _send(job: Job, pipe: Connection, limit: float) -> None:
+    """Send the settings of a job and its trials. The system ends this process if a trial takes too long."""
     lead_group()
+    signal.signal(signal.SIGPROF, signal.SIG_DFL)
+    signal.setitimer(signal.ITIMER_PROF, _SETUP)
     begun = job.begin()
+    signal.setitimer(signal.ITIMER_PROF, limit)
     pipe.send(begun.solvers)
     for trial in begun.run():
+        signal.setitimer(signal.ITIMER_PROF, limit)
         pipe.send(trial)
     pipe.close()
 

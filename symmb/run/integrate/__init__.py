@@ -9,7 +9,7 @@ from symmb.run.integrate.cells import refined
 from symmb.run.integrate.compiled import CompiledSolver, Task, impacts_text
 from symmb.run.integrate.event_driven import EventDriven, round_otherwise
 from symmb.run.integrate.explicit import DormandPrince
-from symmb.run.integrate.implicit import NSTIFFSI2, Rosenbrock
+from symmb.run.integrate.implicit import NSTIFFSI2, GeneralizedAlpha, Rosenbrock
 from symmb.run.integrate.integration import Integration, Run
 from symmb.run.integrate.projection import project
 from symmb.run.integrate.registry import SOLVERS, WORDS, read_solver, solver_of

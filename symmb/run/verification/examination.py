@@ -1,7 +1,7 @@
 """The examination of a run: drift of constraints and energy, singular positions, and warnings."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import NamedTuple
 
@@ -20,6 +20,8 @@ _MOST, _LEAST, _WORK = 10_000, 100, 2e9
 power of the number of velocities, which takes seconds."""
 _AGAIN = CVODES(rtol=1e-8, stiff=True)
 """The solver of second runs between the examined times. It compiles nothing, and stiff motions do not slow it down."""
+_FURTHER = 0.0, 10_000.0
+"""Limit of the steps of such a run beyond one call. A run that resolves fast oscillations would take seconds."""
 _SMALL, _USUAL, _SINGULAR = 1e-6, 2e3, 1e2
 """Smallest drift of energy that causes a warning; this drift divided by the relative tolerance; and the same quotient
 near singular positions. Regular motions drift by up to 1,000 tolerances with multistep methods, and wrong branches by
@@ -230,7 +232,7 @@ class Examination:
             return self.t, self.x
         t, _ = refined(self.t[[0, -1]])
         integration = dae.remembered(_AGAIN.integration, t, self.program.longest_step)
-        return t, integration.run(self.x[:1], self.p[None])[0].X
+        return t, replace(integration, limit=_FURTHER).run(self.x[:1], self.p[None])[0].X
 
 
 def drift(bodies: Formulation, x: Array, p: Array, t: Array) -> Drift:
