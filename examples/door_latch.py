@@ -57,7 +57,7 @@ scene = mb.Scene(
 run = mb.simulate(scene)
 bounds = mb.propagate(scene, mb.PolynomialChaos())
 with warnings.catch_warnings():
-    warnings.simplefilter("ignore")  # a warning says that slow doors do not reach the latch
+    warnings.simplefilter("ignore")  # a remark says that slow doors do not reach the latch
     slow = mb.propagate(scene, mb.MonteCarlo(100), mb.Box(speed=(1.0, 1.6)))
 
 
@@ -110,11 +110,11 @@ assert np.allclose(bounds["blow"], [row[2] for row in worst], rtol=2e-3)
 assert not bounds.warnings
 # Slower doors swing back before they reach the latch.
 needed = root_scalar(lambda speed: arrival(speed, 2000.0, 0.06, 3.0), bracket=(1.15, 1.5)).root
-(stated,) = re.findall(r"speed < ([\d.]+)", slow.warnings[0])
+(stated,) = re.findall(r"speed < ([\d.]+)", slow.remarks[0])
 assert abs(float(stated) - needed) < 0.02
 
 if __name__ == "__main__":
-    print(f"The door needs {needed:.2f} m/s. For 100 doors at 1 to 1.6 m/s:", slow.warnings[0], sep="\n", end="\n\n")
+    print(f"The door needs {needed:.2f} m/s. For 100 doors at 1 to 1.6 m/s:", slow.remarks[0], sep="\n", end="\n\n")
     print(bounds.check({"speed": (0.1, None), "blow": (None, 2000.0)}), "\n")
     print(bounds.contributions())
     if len(sys.argv) > 1:

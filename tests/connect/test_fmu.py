@@ -159,6 +159,7 @@ def test_an_instance_is_used_again(folder):
     assert len((folder / "resets.txt").read_text()) == 9  # 7, and two by which it is tried whether resets work
 
 
+@pytest.mark.filterwarnings("ignore:This process .* is multi-threaded:DeprecationWarning")  # of Python 3.12
 @pytest.mark.parametrize("kind", ["threads", "fork", "spawn"])
 def test_pools_change_nothing(kind, springs):
     own = simulator(springs[3], outputs=["x", "passes"])
