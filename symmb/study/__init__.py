@@ -10,3 +10,4 @@ root_locus    how eigenvalues depend on a parameter
 """
 
 from symmb.study.comparison_result import Comparison
+from symmb.study.tolerances import tolerances

@@ -99,6 +99,28 @@ def test_a_violated_limit_and_what_keeps_it(seed, side):
         assert smaller.check({bounds.names[0]: ends}).kept is True
 
 
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+def test_without_good_polynomials_runs_tell_which_tolerances_satisfy_a_limit():
+    """A block is pushed against a stop."""
+    p = mb.Parameters(k=400.0, push=30.0, gap=0.05)
+    block = mb.Body("block", 2.0, 1.0)
+    rail = mb.Prismatic("rail", mb.Ground().point(0, 0), block.point(0, 0), axis=(1, 0, 0))
+    stop = mb.Stop("stop", rail, upper=p.gap, law=mb.KelvinVoigt(5e4, 50.0))
+    force = mb.Actuator("push", rail, p.push - p.k * rail.displacement - 8 * rail.displacement_rate)
+    system = mb.System(block, rail, stop, force, parameters=p)
+    box = mb.Box.around(p, 0.06)
+    scene = mb.Scene(system, {}, np.linspace(0, 0.5, 26), {"blow": system.force("stop")}, box)
+    bounds = mb.propagate(scene)
+    assert not bounds.have_good_surrogate().any()
+    high = float(bounds.nominal.max() + 0.5 * (bounds.upper.max() - bounds.nominal.max()))
+    first, second, *_ = told(bounds, {"blow": (None, high)})[2]
+    assert second == "Further runs verify these tolerances."
+    factor = float(re.search(r"multiply all tolerances by (0\.\d+), such as", first)[1])
+    smaller = mb.Box.around(p, factor * 0.06)
+    runs = mb.sweep(scene, {name: [low, (low + high) / 2, high] for name, (low, high) in smaller.intervals.items()})
+    assert 0.97 * high < runs["blow"].max() <= high
+
+
 @pytest.mark.parametrize("seed", SEEDS)
 def test_nominal_values_beyond_a_limit(seed):
     rng, _, _, bounds, low, _ = bounded(seed + 20)

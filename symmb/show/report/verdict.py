@@ -1,11 +1,12 @@
 """The first page of a report: sentences about whether limits are satisfied, and what to do next."""
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from symmb._errors import SymmbError
+from symmb._errors import SymmbError, SymmbWarning
 from symmb._magnitudes import SAME, SLIGHT
 from symmb._table import is_timeless
 from symmb._types import Array, Mask
@@ -15,6 +16,7 @@ from symmb.bound.polynomials.ranges import Piecewise
 from symmb.bound.propagation import Study
 from symmb.bound.responses import SIDES
 from symmb.equations.model import Box
+from symmb.study import tolerances
 
 STATES = {False: "violated", None: "undecided", True: "satisfied"}
 """Words for the results of limits, with the most urgent result first."""
@@ -33,6 +35,9 @@ _CERTAIN = {
     "estimate": "These are estimates from {} runs, not proofs.",
 }
 _WARNED = "A warning prevents a decision: see the annex. Remove its cause, or use another method."
+_ROUNDED = 0.99
+"""Factor of the proposed tolerances, which are rounded when they are printed."""
+_BY_RUNS = "Further runs verify these tolerances."
 _SEARCH = "`mb.tolerances(...)` makes further runs, and finds tolerances that satisfy the limits."
 _AGAIN = (
     "These tolerances and factors are estimates from the runs of this study. They are reduced by the estimated error, "
@@ -268,12 +273,13 @@ def _tighten(bounds: Bounds, limits: Sequence[KeptLimit]) -> list[str]:
     columns, box = [_column(bounds, limit) for limit in limits], bounds.box
     if limits and bounds._left_out:
         return ["Give intervals that contain the nominal values, to find tolerances that satisfy the limits."]
-    if not limits or box is None or (surrogate := bounds.good_surrogate(columns)) is None:
+    if not limits or box is None:
         return [_SEARCH] * bool(limits)
-    if any(np.isfinite(limit.between) for limit in limits):  # polynomials have values at output times only
-        return [_SEARCH]
     nominal = [bounds.nominal_parameters.get(name, middle) for name, middle in zip(box.names, box.center, strict=True)]
     reduced, names = _Reduced(box, np.clip(box.to_unit(np.array(nominal)), -1.0, 1.0), []), dict[str, None]()
+    surrogate = bounds.good_surrogate(columns)
+    if surrogate is None or any(np.isfinite(limit.between) for limit in limits):  # polynomials are for output times
+        return _searched(bounds, reduced, limits)
     for limit, k in zip(limits, columns, strict=True):
         part, one = surrogate.part(slice(None), [k]), np.ones(len(box))
         extremes = part.part([limit.row], [0]).range(-one, one)[2][:, 0, 0]
@@ -281,8 +287,27 @@ def _tighten(bounds: Bounds, limits: Sequence[KeptLimit]) -> list[str]:
         rows = np.flatnonzero(reduced.violated(limit, part, 1.0, ()))  # at other times, smaller boxes satisfy it too
         reduced.parts.extend([(limit, part.part(rows, [0]))] if len(rows) else [])
     if not reduced.parts:  # runs violate limits that the polynomials satisfy
+        return _searched(bounds, reduced, limits)
+    return _proposed(reduced, limits, [*names][:_MOST_LISTED]) or _searched(bounds, reduced, limits)
+
+
+def _searched(bounds: Bounds, reduced: "_Reduced", limits: Sequence[KeptLimit]) -> list[str]:
+    """The common factor of all tolerances that satisfies limits, from further runs of a scene, which cost little."""
+    study = bounds.study
+    if not isinstance(study, Study) or not study.has_lanes:
         return [_SEARCH]
-    return _proposed(reduced, limits, [*names][:_MOST_LISTED])
+    ends = {own.output: (own.low, own.high) for own in limits}
+    try:
+        with warnings.catch_warnings(action="ignore", category=SymmbWarning):
+            found = tolerances(study.prepared or study.simulator, ends, bounds.box)
+    except SymmbError:
+        return [_SEARCH]
+    factor, case = _ROUNDED * found.factor, found.binding
+    if case is None or not _LEAST_PART <= factor < 1:
+        return [_SEARCH]
+    point = reduced.box.to_unit(np.array([case.parameters[name] for name in reduced.box.names]))
+    some = _acting(bounds, bounds.names.index(case.output), int(np.abs(bounds.t - case.time).argmin()), point)
+    return [reduced.all_by(factor, limits, some[:_MOST_LISTED] or reduced.box.names[:_MOST_LISTED]), _BY_RUNS]
 
 
 @dataclass(frozen=True)
@@ -316,7 +341,12 @@ class _Reduced:
             else:
                 low = factor
             factor = 0.5 * (low + high)
-        return 0.99 * low  # tolerances are rounded when they are printed
+        return _ROUNDED * low
+
+    def all_by(self, factor: float, limits: Sequence[KeptLimit], some: Sequence[str]) -> str:
+        """A sentence about all tolerances, multiplied by a factor, with the changes of some."""
+        changes = _listed([self.change(n, factor) for n in some])
+        return f"{_goal(limits)}, multiply all tolerances by {factor:.3g}, such as {changes}."
 
     def change(self, name: str, factor: float) -> str:
         """The change of a tolerance in words."""
@@ -325,9 +355,13 @@ class _Reduced:
         return f"{name} from {_tolerance(x[i], *old)} to {_tolerance(x[i], *new)} {_units(self.box)[i]}".rstrip()
 
 
+def _goal(limits: Sequence[KeptLimit]) -> str:
+    return f"To keep {_listed([f'{_named(limit)} {_inside(limit)}' for limit in limits[:_MOST_LISTED]])}"
+
+
 def _proposed(reduced: _Reduced, limits: Sequence[KeptLimit], some: Sequence[str]) -> list[str]:
-    """Tolerances of single parameters, or of all together, that satisfy the limits."""
-    goal = f"To keep {_listed([f'{_named(limit)} {_inside(limit)}' for limit in limits[:_MOST_LISTED]])}"
+    """Tolerances of single parameters, or of all together, that satisfy the limits; empty if there are none."""
+    goal = _goal(limits)
     factors = {name: reduced.largest([name]) for name in some}
     if best := sorted((n for n in some if factors[n] >= _LEAST_PART), key=lambda n: -factors[n])[:_MOST_PARAMETERS]:
         changes = [reduced.change(n, factors[n]) for n in best]
@@ -336,9 +370,8 @@ def _proposed(reduced: _Reduced, limits: Sequence[KeptLimit], some: Sequence[str
         shared = f"Or multiply the tolerances of {_listed(best)} by {reduced.largest(best):.3g}."
         return [f"{goal}, tighten one of these tolerances: {_listed(changes, 'or')}. {shared}", _AGAIN]
     if (factor := reduced.largest(reduced.box.names)) >= _LEAST_PART:
-        changes = _listed([reduced.change(n, factor) for n in some])
-        return [f"{goal}, multiply all tolerances by {factor:.3g}, such as {changes}.", _AGAIN]
-    return [_SEARCH]  # with the error of the polynomials, no factor is large enough
+        return [reduced.all_by(factor, limits, some), _AGAIN]
+    return []  # with the error of the polynomials, no factor is large enough
 
 
 def _tolerance(nominal: float, low: float, high: float) -> str:
