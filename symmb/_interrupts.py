@@ -14,9 +14,9 @@ SIGNALS = tuple(
     getattr(signal, f"SIG{name}") for name in ("INT", "TERM", "HUP", "QUIT") if hasattr(signal, f"SIG{name}")
 )
 """Signals at which the command line cleans up and ends."""
-_SWALLOW = {"casadi.py", "weakref.py", "_weakrefset.py"}
-"""Files with functions that C code calls. C code ignores exceptions in these functions. CasADi calls them to read
-shapes, and Python calls them to remove objects."""
+_SWALLOW = {"casadi.py", "weakref.py", "_weakrefset.py", "transforms.py"}
+"""Files with functions that C code calls. C code ignores or replaces exceptions in these functions. CasADi calls them
+to read shapes, Python to remove objects, and Matplotlib to read the boxes of drawings."""
 
 
 def carry(interrupt: KeyboardInterrupt, partial: Any) -> None:

@@ -214,7 +214,9 @@ def compare_simulator(
             _require_own(method, simulator, box)
     exact = simulator if tighter is None else tighter
     runs = affordable_runs(_seconds_a_run(exact)) if reference is None else RUNS
-    _LOG.info(_announcement(methods, box, reference, runs, repeats))
+    # Python shows messages of this level without any setting: slow runs may take days.
+    level = logging.WARNING if runs < RUNS else logging.INFO
+    _LOG.log(level, _announcement(methods, box, reference, runs, repeats))
     found = find_reference(
         exact, box, reference, runs=runs, executor=executor, progress=_labelled(progress, "reference")
     )

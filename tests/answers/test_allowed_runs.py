@@ -51,6 +51,12 @@ def test_answers_make_at_most_the_allowed_runs(asked, allowed):
         assert "0 further runs do not suffice. More are allowed by runs=." in str(found)
 
 
+@pytest.mark.parametrize("runs", [[[1, 2], [3]], -1, "x", 1.5])
+def test_what_is_no_number_of_runs_is_refused(runs):
+    with pytest.raises(mb.DeclarationError, match="runs must be an integer of at least 0"):
+        Brake().bounds().contributions(runs=runs)
+
+
 def test_a_check_makes_at_most_as_many_runs_as_the_study():
     brake = Brake()
     bounds = brake.bounds(mb.PolynomialChaos(budget=30))

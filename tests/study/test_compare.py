@@ -174,6 +174,7 @@ def test_the_reference_of_slow_runs_is_smaller(caplog):
 
     result = compare_simulator(simulator(slow), [mb.Vertex()], BOX)
     (told,) = caplog.messages
+    assert caplog.records[0].levelname == "WARNING"  # which Python shows without settings
     assert result.reference.evaluations < 1000
     assert f"{result.reference.evaluations} runs for the reference" in told
     assert "With faster runs, the reference would take 3002 runs." in told

@@ -179,14 +179,15 @@ class Answers(Envelope):
         PropagationError
             If too many of the further runs fail, or the allowed ones do not suffice for polynomials.
         """
-        if runs not in self._contributions:
+        most = self._leave("Bounds.contributions", runs)
+        if most not in self._contributions:
             found = self._answered("Bounds.contributions", runs, contributions_of)
             assert found is not None
-            self._contributions[runs] = found
-        return self._contributions[runs]
+            self._contributions[most] = found
+        return self._contributions[most]
 
     @cached_property
-    def _contributions(self) -> dict[int | None, Contributions]:
+    def _contributions(self) -> dict[float, Contributions]:
         return {}
 
     def _known_contributions(self) -> Contributions | None:
