@@ -33,6 +33,8 @@ def advice(
     """
     tried, standard = trials, standards[""]
     trials = [t for t in trials if t.reason != LEFT_OUT]
+    if not trials:
+        return "No solver had time to run. Allow more processor time by seconds=."
     good = _good(trials, standard)
     lines = [
         _choice(good, standard),
@@ -95,7 +97,8 @@ def _steps(trials: Sequence[Trial], standard: Standard) -> list[str]:
     stable = by_family([trial for trial in fixed if is_within(trial, standard, USABLE_ERROR)])
     largest = {family: max(trial.setting for trial in some) for family, some in stable.items()}
     text = ", ".join(f"{family} {step:.2g} s" for family, step in sorted(largest.items(), key=lambda item: -item[1]))
-    lines = [f"Largest tried steps with an error below {USABLE_ERROR:g}: {text}."] if text else []
+    which = f"an error below {USABLE_ERROR:g} and a drift of energy below {GOOD_ERROR:g}"
+    lines = [f"Largest tried steps with {which}: {text}."] if text else []
     return lines + _too_long(by_family([trial for trial in fixed if trial.family not in largest]))
 
 

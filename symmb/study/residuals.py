@@ -106,9 +106,15 @@ class Residuals:
         return max(1.0, float(np.sqrt(np.mean(squares * first**2)) / np.mean(first + 2 * squares * second)))
 
     def values(self, U: Array) -> Array:
-        """Outputs (M, N) at the times of the data, for relative parameters U (M, n_p); nan if a run fails."""
+        """Outputs (M, N) at the times of the data, for relative parameters U (M, n_p); nan if a run fails.
+
+        A search may ask for parameters that are not finite, where derivatives are not.
+        """
         self.runs += len(U)
-        return self.placed(self.simulator.run(self._parameters(U)).Y)
+        values, known = np.full((len(U), len(self.data)), np.nan), np.isfinite(U).all(axis=1)
+        if known.any():
+            values[known] = self.placed(self.simulator.run(self._parameters(U[known])).Y)
+        return values
 
     @property
     def least_noise(self) -> dict[str, float]:

@@ -222,7 +222,8 @@ def stability(
             carry(interrupt, study.result(len(known), {}, lambda *_: text))
             raise
         if all(trial.reason for trial in study.done if not trial.scene):
-            raise SimulationError(f"{scene.name}: no solver finishes. {known[0].reason}")
+            more = " Allow more by seconds=." if known[0].slow else ""
+            raise SimulationError(f"{scene.name}: no solver finishes. The first one: {known[0].reason}.{more}")
         more = {"corners": corners, "fastest": fastest, "span": horizon, "doubts": study.doubts()}
         return study.result(len(known), corners, partial(advice, **more))
 

@@ -367,16 +367,21 @@ class Answers(Envelope):
         most = self._leave(owner, runs)
         if self.study is None:
             return answer(self._responses(owner))
+        left = most
         try:
             with self.study.allowing(most):
-                return answer(self._responses(owner))
+                try:
+                    return answer(self._responses(owner))
+                finally:
+                    left = self.study.left
         except RunsUsedUpError:
             if not has_error:
                 raise PropagationError(
                     f"{owner}: more than {most:g} further runs are needed. Allow them by runs=."
                 ) from None
             with self.study.allowing(0):
-                return answer(self._responses(owner, most))
+                found: Any = answer(self._responses(owner, most))
+            return replace(found, runs=int(most - left))
 
     def _leave(self, owner: str, runs: int | None) -> float:
         """The number of further runs that an answer may make."""

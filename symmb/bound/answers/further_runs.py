@@ -116,7 +116,7 @@ class Excess:
     def is_flat(self) -> bool:
         """Whether most first runs and the nominal run have the largest excess, because the output cannot exceed it."""
         least = self.largest - LAST_DIGITS * (abs(self._limit) + abs(self.largest))
-        nominal = self._study.nominal[0] if np.mean(self.first >= least) > 0.5 else None
+        nominal = self._study.nominal[0] if 2 * (self.first >= least).sum() > len(self.first) else None
         return nominal is not None and bool((self._sign * (nominal[:, self._k] - self._limit)).max() >= least)
 
     def further_run(self, error: float, is_flat: bool = False) -> FurtherRun:

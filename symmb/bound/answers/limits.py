@@ -1,6 +1,7 @@
 """Checks of limits: satisfied, violated, or not decided by the bounds."""
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from textwrap import shorten
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -19,7 +20,7 @@ from symmb._units import number_in, typeset
 from symmb.bound.answers.envelope import Envelope
 from symmb.bound.answers.further_runs import FurtherRun, closest_run
 from symmb.bound.answers.result_file import box_entries, inner_entries
-from symmb.bound.responses import SIDES, WorstCase
+from symmb.bound.responses import SIDES, RunsUsedUpError, WorstCase
 from symmb.results import plot
 from symmb.results.files import NOT_KEPT, TIMES, Record, Saved, attributes, entries, entry, to_jsonable
 
@@ -365,9 +366,14 @@ def _side_decision(bounds: Envelope, k: int, side: str, limit: float) -> _Decisi
     if bounds.study is not None and bounds.study.has_lanes:
         near = near + _NEAR_WIDTHS * (bounds.upper - bounds.lower)[:, k].max()
     if bounds.study is not None and (margin < near).any():
-        further = closest_run(bounds, k, side, limit, np.argsort(margin, kind="stable"), rounding)
-        if (found := by_further_run(further, limit, margin, rounding, unit)) is not None:
-            return found
+        with suppress(RunsUsedUpError):
+            further = closest_run(bounds, k, side, limit, np.argsort(margin, kind="stable"), rounding)
+        if further and (found := by_further_run(further, limit, margin, rounding, unit)):
+            # Few runs of a black box are near one local extreme. Bounds with a warning may lack a larger one.
+            own = [doubt for doubt in bounds.doubts if concerned(doubt, [bounds.names[k]])]
+            if not (found.kept and own) or further.is_flat or bounds.study.has_lanes:
+                return found
+            return found._replace(kept=None, why=f"{WARNED}: {shorten(own[0], 60, placeholder=' ...')}")
     if (margin < -np.maximum(estimate, rounding)).any():
         error = estimate[(margin + estimate).argmin()]
         why = f"The bounds are beyond the limit by more than their estimated error of {error:.2g}{unit}."

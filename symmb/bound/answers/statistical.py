@@ -116,7 +116,7 @@ def rejects_of(
         return 0.0, 0.0, 0
     samples = LawSamples(owner, joint, 0, laws_within(owner, laws, responses.box), None, SAMPLES_BEFORE_RUNS)
     found = event_probability(samples, ends, error, least)
-    return float(found[0, -1]), float(found[2, -1]), samples.runs
+    return float(found[0, -1]), float(found[2, -1]), samples.runs - responses.extra_runs
 
 
 def at_most(below: Array, above: Array) -> Array:
@@ -146,8 +146,9 @@ class Statistics(Result):
     texts : limits as inequalities, with units
     time : (n_l,)              time of the smallest Cpk [s]
     mean, sigma : (n_l,)       mean and standard deviation
-    rss : (n_l,)               root of the sum of the squares of the contributions. A contribution is half of the change
-                               of the output between the ends of one interval, with other parameters in the middle
+    rss : (n_l,)               root of the sum of the squares of the contributions. A contribution is half of the range
+                               of the output at the ends and in the middle of one interval, with other parameters in
+                               the middle
     worst : (n_l,)             half width of the bounds, which is the worst case
     cp, cpk : (n_l,)           process capability; cp is nan for limits with one end
     rejects, error : (n_l,)    probability that the limit is violated at any output time, and its estimated error
@@ -239,12 +240,13 @@ def statistics_of(
         if n < _SAMPLES:
             parts = f"{n**-0.5:.0%} and about {(2 * n) ** -0.5:.0%} of the standard deviations"
             few = (f"Means and standard deviations follow from {n} runs. Their standard errors are {parts}.",)
-    points = np.concatenate([drawn(n), np.eye(len(box)), -np.eye(len(box))])
+    points = np.concatenate([drawn(n), np.eye(len(box)), -np.eye(len(box)), np.zeros((1, len(box)))])
 
     def summary(Y: Array) -> Array:
         """Means, standard deviations and root sums of squares, (3, n_t, n_l)."""
-        ends = Y[n:].reshape(2, len(box), *Y.shape[1:])
-        rss = np.sqrt(np.square((ends[0] - ends[1]) / 2).sum(axis=0))
+        low, high, middle = Y[n : n + len(box)], Y[n + len(box) : -1], Y[-1]
+        ranges = np.fmax(np.fmax(low, high), middle) - np.fmin(np.fmin(low, high), middle)
+        rss = np.sqrt(np.square(ranges / 2).sum(axis=0))
         return np.array([Y[:n].mean(axis=0), Y[:n].std(axis=0), rss])
 
     (mean, sigma, rss), made, remarks = values_of(responses, points, columns, summary)
