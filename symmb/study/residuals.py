@@ -7,7 +7,7 @@ import numpy as np
 
 from symmb._errors import SimulationError
 from symmb._magnitudes import SMALL
-from symmb._types import Array
+from symmb._types import Array, Mask
 from symmb.bound.nodes import Sobol
 from symmb.connect import Jets, Simulator
 from symmb.run.simulation import has_exact_jets
@@ -152,21 +152,33 @@ class Residuals:
         return finer, np.abs(finer - (4 * second - first) / 3)
 
     def _differences(self, u: Array, step: float = SMALL) -> tuple[Array, Array]:
-        """Outputs (N,) and their derivatives (n_p, N) by differences with steps relative to the parameters.
+        """Outputs (N,) and their derivatives (n_p, N) by differences with steps relative to the nominal parameters.
 
-        If an output jumps between two runs, or a run is beyond a limit, the difference on the other side is used.
+        If an output jumps between two runs, or a run is beyond a limit, the difference on the other side is used. If
+        most differences of a parameter that is below its nominal value disagree, its step is relative to its value.
         """
+        y, slopes, alike = self._sides(u, np.full(len(u), step))
+        poor = ~alike & (np.abs(u) < 1) & (u != 0)
+        if poor.any():
+            _, others, are_alike = self._sides(u, np.where(poor, step * np.abs(u), step))
+            slopes = np.where((poor & are_alike)[:, None], others, slopes)
+        return y, slopes
+
+    def _sides(self, u: Array, steps: Array) -> tuple[Array, Array, Mask]:
+        """Outputs (N,), their derivatives (n_p, N) with steps (n_p,), and a mask (n_p,): most of both sides agree."""
         n = len(u)
-        steps = step * np.concatenate([np.zeros((1, n)), np.eye(n), -np.eye(n)])
-        U = np.clip(u + steps, *self.limits)
+        moves = np.concatenate([np.zeros((1, n)), np.diag(steps), -np.diag(steps)])
+        U = np.clip(u + moves, *self.limits)
         Y = self.values(U)
-        Y[(U != u + steps).any(axis=1)] = np.nan
-        ahead, behind = (Y[1 : n + 1] - Y[0]) / step, (Y[0] - Y[n + 1 :]) / step
+        Y[(U != u + moves).any(axis=1)] = np.nan
+        ahead, behind = (Y[1 : n + 1] - Y[0]) / steps[:, None], (Y[0] - Y[n + 1 :]) / steps[:, None]
         smaller = np.where((np.abs(ahead) < np.abs(behind)) | np.isnan(behind), ahead, behind)
         # Near a zero of a smooth slope, both differences are small beside the largest slope of the output.
         largest = np.fmax.reduceat(np.abs(smaller), np.cumsum([0, *self.counts[:-1]]), axis=1)
         alike = np.abs(ahead - behind) < np.fmax(np.abs(smaller), 0.1 * np.repeat(largest, self.counts, axis=1))
-        return Y[0], np.where(alike, (ahead + behind) / 2, smaller)
+        # A parameter without an effect has equal sides.
+        most = (alike | (ahead == behind)).mean(axis=1) > 0.5
+        return Y[0], np.where(alike, (ahead + behind) / 2, smaller), most
 
 
 def least_squares(
@@ -197,6 +209,7 @@ def least_squares(
     return u, noise
 
 
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # a search may leave the region of finite outputs
 def _minimum(fit: Residuals, begin: Array, basis: Array, weights: Array, held: float = 0.0) -> Array | None:
     """Parameters (n_p,) with the smallest sum of squares of weighted residuals; None if the search does not end."""
     from scipy.optimize import least_squares

@@ -259,6 +259,25 @@ def test_a_function_is_fitted_as_well():
     refused("has its own solver", mb.calibrate, simulator, {"x": t}, solver=mb.CVODES())
 
 
+@pytest.mark.parametrize("k", [1.0, 1e-2, 1e-4, 1e-7])
+def test_deviations_of_estimates_far_below_the_nominal_value(k):
+    """The model is log(k) + t with the nominal value k = 1: the deviation is k times that of a mean."""
+    noise = 1e-3 * np.random.default_rng(0).standard_normal(40)
+    t = np.linspace(0, 3, 40)
+    model = mb.FunctionSimulator(lambda k: np.log(k) + t, {"k": 1.0}, t, ["y"])
+    found = mb.calibrate(model, {"y": np.log(k) + t + noise})
+    assert found.parameters["k"] == pytest.approx(k * np.exp(noise.mean()), rel=1e-6)
+    deviation = found.parameters["k"] * noise.std(ddof=1) / 40**0.5
+    assert found.covariance[0, 0] ** 0.5 == pytest.approx(deviation, rel=0.01)
+
+
+def test_a_fit_to_data_that_no_parameter_attains_has_an_error_about_the_fit():
+    t = np.linspace(0, 3, 40)
+    model = mb.FunctionSimulator(lambda k: np.sqrt(k) * np.exp(-t), {"k": 1.0}, t, ["y"])
+    with np.errstate(invalid="ignore"), pytest.raises(mb.SimulationError, match="the fit has not ended"):
+        mb.calibrate(model, {"y": 0.01 * np.random.default_rng(0).standard_normal(40) - 0.2})
+
+
 def line(seed, sensors=1):
     """The function a + b t + c t^2, data with noise of 0.05, its matrix, true parameters and the generator."""
     rng, t, names = np.random.default_rng(seed), np.linspace(-1.0, 2.0, 40), [f"y{k}" for k in range(sensors)]
