@@ -271,8 +271,14 @@ def statistics_of(
     return Statistics(
         tuple(pairs), texts, responses.t[rows[0]], mean[rows], sigma[rows], rss[rows], worst[rows], cp, cpk[rows],
         rejects, errors, np.maximum(at_most(below[rows], above[rows]), rejects), total[:2],
-        _DEFAULT if laws is None else laws_text(full), further_runs, (*responses.remarks, *own.remarks, *remarks, *few),
+        _laws_text(full), further_runs, (*responses.remarks, *own.remarks, *remarks, *few),
     )  # fmt: skip
+
+
+def _laws_text(full: Mapping[str, Any]) -> str:
+    given = {name: law for name, law in full.items() if not isinstance(law, NormalWithin)}
+    others = f"others {_DEFAULT}" if given else _DEFAULT
+    return ", ".join([laws_text(given)] * bool(given) + [others] * (len(given) < len(full)))
 
 
 def _ratio(distance: Array, sigma: Array) -> Array:

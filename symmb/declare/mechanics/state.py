@@ -1,6 +1,5 @@
 """States that users declare, sampled values, and inputs from other programs."""
 
-import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -10,7 +9,7 @@ import casadi as ca
 
 from symmb._errors import DeclarationError, Faults, NoHandleError
 from symmb._names import ByName, counted, did_you_mean, name_faults, normal
-from symmb._options import is_real, shown
+from symmb._options import is_finite_number, is_real, shown
 from symmb._types import Expr
 from symmb.declare.mechanics.element import Element, law_faults, law_value
 from symmb.declare.symbolic import Kind, Symbol, components, declare, scalar
@@ -252,8 +251,8 @@ class Sampled(OwnState):
         yield from super().faults()
         if not is_real(self.period):
             yield f"{self.title}: period {shown(self.period)} is not a number. Pass a number, without parameters."
-        elif not 0 < self.period < math.inf:
-            yield f"{self.title}: period {self.period!r} must be positive and finite."
+        elif not is_finite_number(self.period) or self.period <= 0:
+            yield f"{self.title}: period {shown(self.period)} must be positive and finite."
 
 
 @dataclass(frozen=True, eq=False)
