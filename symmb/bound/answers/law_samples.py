@@ -10,7 +10,7 @@ from symmb.bound.answers.laws import Laws
 from symmb.bound.answers.limit_state import SETS_OF_SAMPLES
 from symmb.bound.nodes import Random, Sobol, corners, fitted
 from symmb.bound.polynomials.ranges import Piecewise
-from symmb.bound.responses import Responses, RunsUsedUpError
+from symmb.bound.responses import FINE, Responses, RunsUsedUpError
 
 _SAMPLES_OF_POLYNOMIALS, _SAMPLES_WITH_SEARCH, SAMPLES_BEFORE_RUNS = 512, 128, 32
 """Numbers of samples of a set for three cases: from polynomials; if each sample requires a search or a run; and if runs
@@ -69,6 +69,7 @@ class LawSamples:
                 if not responses.are_good(self.error[:, None], [k])[0]:
                     self.surrogate = None
         if self.surrogate is None and self.free.any():
+            self.runs += verifying_runs(responses) if responses.own(k) is None else 0
             self._fit()
         if self.surrogate is None and responses.runs is not None and responses.runs.left < SETS_OF_SAMPLES * n:
             n = int(responses.runs.left) // SETS_OF_SAMPLES
@@ -197,6 +198,9 @@ class LawSamples:
         responses = self.responses
         intervals = tuple(name for name, free in zip(responses.box.names, self.free, strict=True) if free)
         remarks = (*responses.remarks, *self._laws.remarks)
+        if self.surrogate is not None and not responses.are_good(self.error[:, None], [self.column], FINE)[0]:
+            text = f"Polynomials replace runs. Their error is above {FINE:.0%} of the width where runs were made."
+            remarks = (*remarks, text)
         # If fewer samples than this are beyond a quantile, a remark reports too few samples.
         if levels is not None and (few := np.minimum(levels, 1 - levels) * self.number < 8).any():
             text = ", ".join(f"{q:g}" for q in levels[few])
