@@ -89,9 +89,8 @@ def _standard_of(trials: Sequence[Trial], units: tuple[str, ...]) -> Standard:
     trials = [trial for trial in trials if trial.family in CONTROLLED]
     pairs = _pairs(trials, units)
     reasons = {trial.reason for trial in trials}
-    if (
-        len(reasons) == 1 and reasons != {""} and not trials[0].slow
-    ):  # all fail for the same reason: the scene is the cause
+    # If all fail for the same reason, which is not time, the scene is the cause.
+    if len(reasons) == 1 and reasons != {""} and not trials[0].slow:
         return Standard(fault=reasons.pop())
     if not pairs:
         return Standard(fault=f"no solver finishes at two tolerances ({by_reason(trials)})")

@@ -299,7 +299,7 @@ def _searched(bounds: Bounds, reduced: "_Reduced", limits: Sequence[KeptLimit]) 
     ends = {own.output: (own.low, own.high) for own in limits}
     try:
         with warnings.catch_warnings(action="ignore", category=SymmbWarning):
-            found = tolerances(study.prepared or study.simulator, ends, bounds.box)
+            found = tolerances(study.simulator, ends, bounds.box)
     except SymmbError:
         return [_SEARCH]
     factor, case = _ROUNDED * found.factor, found.binding
