@@ -27,6 +27,10 @@ from symmb.study.residuals import Residuals
 _LEAST_COMPONENT = 0.05
 """A parameter is undetermined if its component in an undetermined combination exceeds this value."""
 
+_VAGUE = 1e3
+"""Standard deviation of an estimate beside the larger of its absolute value and its nominal value, above which it has a
+warning. Linear confidence intervals mean nothing there."""
+
 
 def _series(record: Record, name: str) -> dict[str, Array]:
     """The numbers (n,) of each output with data, one for each of its times."""
@@ -388,6 +392,14 @@ def _fitted(fit: Residuals, known_noise: Mapping[str, float], name: str) -> Cali
     open_ = is_at_limit | (np.linalg.norm(found.directions[~is_known], axis=0) > _LEAST_COMPONENT)
     covariance[open_], covariance[:, open_] = np.nan, np.nan
     covariance[open_, open_] = np.inf
+    deviations = np.sqrt(np.diag(covariance))
+    for k in np.flatnonzero(
+        np.isfinite(deviations) & (deviations > _VAGUE * np.maximum(fit.sizes, np.abs(found.u * fit.sizes)))
+    ):
+        doubts += (
+            f"The data hardly determine {fit.names[k]!r}: its standard deviation {deviations[k]:.2g} is more than "
+            f"{_VAGUE:g} times its value. Give a prior, or leave out this parameter.",
+        )
     units = getattr(fit.simulator, "units", None) or ("",) * len(fit.simulator.outputs)
     return Calibration(
         name,

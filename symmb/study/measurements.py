@@ -129,12 +129,17 @@ def priors_of(
         require_name(OWNER, "estimated parameter", name, nominal)
         if isinstance(given, tuple) and (pair := numbers_of(given[:2])) is not None and pair.shape == (2,):
             given = (pair[0] - pair[1], pair[0] + pair[1], *given[2:]) if pair[1] > 0 else None
+        refused = DeclarationError(
+            f"{OWNER}: the prior of {name!r} must be a value and a standard deviation above 0 in units of "
+            f"this parameter, such as (7.0, 0.1), (7.0, 0.1, 'N/m') or '7.0 N/m ±0.1 N/m', "
+            f"got {shown(priors and priors[name])}."
+        )
         if not isinstance(given, str | tuple):
-            raise DeclarationError(
-                f"{OWNER}: the prior of {name!r} must be a value and a standard deviation above 0, such as (7.0, 0.1), "
-                f"(7.0, 0.1, 'N/m') or '7.0 N/m ±0.1 N/m', got {shown(priors and priors[name])}."
-            )
-        box = Box(**{name: given}).with_units(units)
+            raise refused
+        try:
+            box = Box(**{name: given}).with_units(units)
+        except DeclarationError as error:
+            raise refused from error
         found[name] = np.array([box.center[0], box.radius[0]])
         require_positive(OWNER, f"standard deviation of the prior of {name!r}", float(box.radius[0]))
     return found

@@ -212,3 +212,14 @@ def test_statistics_of_many_output_times_are_those_of_single_times():
     at = found.time[0]
     assert found.mean[0] == pytest.approx(np.exp(-at + 0.005 * at**2), rel=1e-4)
     assert found.sigma[0] == pytest.approx(found.mean[0] * np.sqrt(np.expm1(0.01 * at**2)), rel=0.02, abs=1e-6)
+
+
+def test_distributions_that_scipy_calls_by_values_are_laws():
+    """Histograms and discrete distributions have no other parameters, unlike families such as scipy.stats.norm."""
+    bounds = sums(a=(0.0, 3.0), b=(-1.0, 1.0))
+    weights = st.rv_discrete(values=([0, 1, 3], [0.2, 0.5, 0.3]))
+    histogram = st.rv_histogram((np.array([1.0, 2.0, 2.0]), np.array([0.0, 1.0, 2.0, 3.0])))
+    for law, median in ((weights, 1.0), (histogram, 1.75)):
+        found = bounds.quantiles("y", [0.5], {"a": law, "b": st.uniform(-1, 2)})
+        assert np.abs(found.lower[0, 0] - median) <= found.estimate[0, 0] + 1e-9
+    refused("give numbers to the distribution of 'a'", bounds.quantiles, "y", 0.5, {"a": st.norm})

@@ -100,6 +100,20 @@ def test_what_the_data_do_not_determine_is_told():
     assert "1 parameter from 41 values" in str(found)
 
 
+def test_an_estimate_far_inside_its_deviation_has_a_warning():
+    t = np.linspace(1.0, 2.0, 11)
+
+    def fit(rate):
+        simulator = mb.FunctionSimulator(
+            lambda a, b: (a + np.exp(-rate * b * t))[:, None], {"a": 1.0, "b": 1.0}, t, ["y"]
+        )
+        data = {"y": 1 + np.exp(-rate * t)}
+        return lambda: mb.calibrate(simulator, data, noise={"y": 0.01})
+
+    assert warned("hardly determine 'b'", fit(15.0)).deviations["b"] > 1e3
+    assert fit(3.0)().deviations["b"] < 1
+
+
 @pytest.mark.parametrize("noise", [None, 0.01])
 @pytest.mark.parametrize("name", ["a.npz", "a.json"])
 def test_what_is_determined_beside_an_undetermined_pair_is_as_without_it(name, noise, tmp_path):
@@ -479,6 +493,8 @@ def test_wrong_limits_and_priors_are_told():
         ("estimated parameter", {"priors": {"d": (1.0, 0.1)}}),
         ("prior of 'a' must be", {"priors": {"a": 1.0}}),
         ("standard deviation above 0", {"priors": {"a": (1.0, 0.0)}}),
+        ("prior of 'a' must be", {"priors": {"a": "7.0"}}),
+        ("prior of 'a' must be", {"priors": {"a": (np.inf, 1.0)}}),
         ("robust", {"robust": "huber"}),
     ]:
         refused(match, mb.calibrate, simulator, data, **options)

@@ -109,7 +109,9 @@ def _law_text(law: Any) -> str:
 
 
 def _masses(owner: str, name: str, law: Any, box: Box) -> tuple[float, float]:
-    if hasattr(law, "freeze"):
+    import scipy.stats
+
+    if getattr(scipy.stats, str(getattr(law, "name", "")), None) is law:  # a family; rv_histogram is a distribution
         raise DeclarationError(
             f"{owner}: give numbers to the distribution of {name!r}, as in scipy.stats.norm(40, 1.3)."
         )
