@@ -3,6 +3,7 @@
 import ctypes
 import errno
 import hashlib
+import importlib
 import math
 import os
 import shutil
@@ -12,6 +13,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import casadi as ca
 import numpy as np
 import pytest
 from faults import refused, warned
@@ -19,7 +21,7 @@ from mechanisms import double_pendulum
 from processes import in_time, program
 
 import symmb as mb
-from symmb.run.codegen import build, cache
+from symmb.run.codegen import Engine, Lanes, StepTolerances, build, cache, model_function
 from symmb.run.codegen.c_source import c_source
 
 ANSWER, PLANTED = "int answer(void) { return 42; }\n", "int answer(void) { return 666; }\n"
@@ -467,3 +469,35 @@ def test_a_library_that_lacks_its_end_is_not_loaded(tmp_path, made):
         assert build._opened(tmp_path / "cut.so") is None
     (tmp_path / "whole.so").write_bytes(whole)
     assert build._opened(tmp_path / "whole.so") is not None
+
+
+@pytest.mark.parametrize("model", ["double_pendulum", "spherical_pendulum"])
+def test_models_of_other_sizes_share_the_engine(model, folder, monkeypatch):
+    """The object file of the engine is compiled once, and fits models of other sizes: runs are the same bits."""
+    scene = importlib.import_module(f"models.{model}").scene()
+    alone = mb.simulate(scene, mb.DormandPrince(stabilization=None))
+    commands, run = [], build.run_program
+    monkeypatch.setattr(
+        build, "run_program", lambda command, *rest: commands.append(command[-1]) or run(command, *rest)
+    )
+    build._loaded.cache_clear()
+    x, p, t = ca.SX.sym("x", 3), ca.SX.sym("p", 1), ca.SX.sym("t")
+    for rates in (-p * x, ca.vertcat(x[1:], -p * x[0])):
+        f = model_function(x, p, t, rates, x[:2], None)
+        Engine(Lanes(f, StepTolerances(1e-8, 1e-8)), np.linspace(0, 1, 3)).values(np.ones((5, 3)), np.ones((5, 1)))
+    assert len(commands) == 2 and not any("engine.c" in command for command in commands)
+    again = mb.simulate(importlib.import_module(f"models.{model}").scene(), mb.DormandPrince(stabilization=None))
+    assert "engine.c" not in commands[-1] and len([*folder.glob("*.o")]) == 1
+    np.testing.assert_array_equal(again.X, alone.X)
+
+
+def test_a_damaged_engine_is_compiled_again(folder):
+    x = ca.SX.sym("x", 2)
+    for k in range(2):
+        build._loaded.cache_clear()
+        f = model_function(x, ca.SX.sym("p", 1), ca.SX.sym("t"), -(k + 1.0) * x, x, None)
+        engine = Engine(Lanes(f, StepTolerances(1e-9, 1e-9)), np.array([0.0, 1.0]))
+        Y, _ = engine.values(np.ones((1, 2)), np.ones((1, 1)))
+        np.testing.assert_allclose(Y[0, 1], np.exp(-(k + 1.0)), rtol=1e-8)
+        (kept,) = folder.glob("*.o")
+        kept.write_bytes(kept.read_bytes()[:100])

@@ -104,20 +104,21 @@ def with_compiler(work: Callable[[], R], otherwise: Callable[[], R]) -> R:
     return otherwise()
 
 
-def load(source: str, *names: str) -> ctypes.CDLL:
+def load(source: str, *names: str, engine: str = "") -> ctypes.CDLL:
     """The library of a C source, from the cache or built now.
 
     Parameters
     ----------
     source : str
     *names                 functions and variables that the library must contain: a compiler may leave them out
+    engine : str           a source that many models share. The cache stores its object file
 
     Raises
     ------
     NoCompilerError        if there is no C compiler that can build the source
     UnsafeFolderError      if others can write to the folder for temporary files
     """
-    return _with_next_compiler(lambda compiler: _loaded(source, compiler, *names))
+    return _with_next_compiler(lambda compiler: _loaded(source, compiler, *names, engine=engine))
 
 
 def portable_library(files: Mapping[str, str], sources: Sequence[str]) -> bytes:
@@ -202,15 +203,15 @@ def _give_up(compiler: tuple[str, ...], reason: str) -> None:
 
 
 @functools.cache
-def _loaded(source: str, compiler: "_Compiler", *names: str) -> ctypes.CDLL:
-    key = _key(source, *compiler.command, compiler.version, *compiler.flags)
+def _loaded(source: str, compiler: "_Compiler", *names: str, engine: str = "") -> ctypes.CDLL:
+    key = _key(source, engine, *compiler.command, compiler.version, *compiler.flags)
     library_in_cache = _opened(cache.find(key), *names)
     if library_in_cache is not None:
         return library_in_cache
     try:
         with temporary_folder() as folder:
             cache.check_folder(folder, "TMPDIR")
-            library_path = _built(source, folder, compiler)
+            library_path = _built(source, folder, compiler, engine)
             cache.keep(key, library_path.read_bytes())
             # Either folder may forbid the execution of programs. A library in the cache serves other processes too.
             library = _opened(cache.find(key), *names) or _opened(library_path, *names)
@@ -250,14 +251,30 @@ def _has_its_segments(content: bytes) -> bool:
     return all(offset + in_file <= len(content) for _, _, offset, _, _, in_file in segments)
 
 
-def _built(source: str, folder: Path, compiler: "_Compiler") -> Path:
+def _built(source: str, folder: Path, compiler: "_Compiler", engine: str) -> Path:
     text, library_path = folder / "model.c", folder / "model.so"
     text.write_text(source, encoding="utf-8")
+    link = [*compiler.command, "-o", str(library_path), *compiler.flags]
+    seconds = _build_seconds(len(source) + len(engine))
+    if not engine:
+        _compile([*link, str(text), "-lm"], library_path, folder, seconds)
+        return library_path
     parts = int(found[1]) if (found := re.search(r"^#define N_PARTS (\d+)$", source, re.MULTILINE)) else 1
-    command = [*compiler.command, str(text), "-o", str(library_path), *compiler.flags, "-lm"]
-    if parts > 1:
-        command = ["/bin/sh", "-c", _in_parts(text, library_path, compiler, parts)]
-    _compile(command, library_path, folder, _build_seconds(len(source)))
+    objects = {text.with_suffix(f".{k}.o"): text for k in range(parts)}
+    key, shared = _key(engine, *compiler.command, compiler.version, *compiler.flags), folder / "engine.o"
+    if kept := cache.find(key, ".o"):
+        shared.write_bytes(kept.read_bytes())
+    else:
+        objects[shared] = folder / "engine.c"
+        objects[shared].write_text(engine, encoding="utf-8")
+    commands = [
+        [*compiler.command, "-c", f"-DPART={k}", str(path), "-o", str(to), *compiler.flags]
+        for k, (to, path) in enumerate(objects.items())
+    ]
+    last = [*link, *map(str, {**objects, shared: ""}), "-lm"]
+    _compile(["/bin/sh", "-c", _side_by_side(commands, last)], library_path, folder, seconds)
+    if not kept:
+        cache.keep(key, shared.read_bytes(), ".o")
     return library_path
 
 
@@ -265,20 +282,13 @@ def _build_seconds(size: int) -> float:
     return _BUILD_SECONDS * (1.0 + size / 1e6)
 
 
-def _in_parts(text: Path, library_path: Path, compiler: "_Compiler", parts: int) -> str:
-    """A shell script that compiles the parts of a model in parallel, one on each core, and links them."""
+def _side_by_side(commands: Sequence[Sequence[str]], last: Sequence[str]) -> str:
+    """A shell script that runs commands in parallel, one on each core, and then the last command."""
     # A shell is used, because its processes end with the process group of run_program at an interrupt or a time limit.
-    objects = [str(text.with_suffix(f".{k}.o")) for k in range(parts)]
-    compile_each = [
-        shlex.join([*compiler.command, "-c", f"-DPART={k}", str(text), "-o", name, *compiler.flags])
-        for k, name in enumerate(objects)
-    ]
-    count = min(cores(), parts)
-    lines = [f"({' && '.join(compile_each[k::count])}) & p{k}=$!" for k in range(count)]
+    count = min(cores(), len(commands))
+    lines = [f"({' && '.join(map(shlex.join, commands[k::count]))}) & p{k}=$!" for k in range(count)]
     waits = [f"wait $p{k} || exit 1" for k in range(count)]
-    return "\n".join(
-        [*lines, *waits, shlex.join([*compiler.command, *objects, "-o", str(library_path), *compiler.flags, "-lm"])]
-    )
+    return "\n".join([*lines, *waits, shlex.join(last)])
 
 
 def _compile(command: list[str], library_path: Path, folder: Path, seconds: float) -> None:

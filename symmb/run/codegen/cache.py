@@ -2,9 +2,9 @@
 
 A library is one file, `<key>-<SHA-256 of its bytes>.so`, which is moved into place when it is complete. The bytes are
 compared with this name before the library is loaded, because an incomplete library may crash the process. Sources of
-large models are stored in the same way as files `.c`, because their generation takes seconds, and modules of live pages
-as files `.wasm`. If all files together are larger than `LARGEST`, the files that were not used for the longest time are
-removed.
+large models are stored in the same way as files `.c`, because their generation takes seconds, engines that many models
+share as files `.o`, and modules of live pages as files `.wasm`. If all files together are larger than `LARGEST`, the
+files that were not used for the longest time are removed.
 """
 
 import hashlib
@@ -17,7 +17,7 @@ from pathlib import Path
 
 from symmb._errors import SymmbError
 
-_OWN = re.compile(r"[0-9a-f]{32}(-[0-9a-f]{64}\.(so|c|wasm|cubin)|-\w+\.part|\.note)")
+_OWN = re.compile(r"[0-9a-f]{32}(-[0-9a-f]{64}\.(so|o|c|wasm|cubin)|-\w+\.part|\.note)")
 """Names of files of the cache. The folder may contain other files."""
 LARGEST = 2**30
 """Maximum size of the cache [bytes], for about 10,000 models of 100 kB. Files above this size are removed."""
@@ -126,7 +126,7 @@ def note(key: str) -> None:
 
 
 def contents() -> tuple[Path, ...]:
-    """The libraries, sources and notes in the cache folder, and incomplete files of killed processes."""
+    """The libraries, engines, sources and notes in the cache folder, and incomplete files of killed processes."""
     return tuple(path for path in sorted(folder().iterdir()) if _OWN.fullmatch(path.name) and not path.is_dir())
 
 

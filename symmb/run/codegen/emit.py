@@ -148,7 +148,7 @@ class Emitter:
         if schedule.angles:
             calls.insert(schedule.n_first, f"  sines({len(schedule.angles)}, c + N_C);")
         head = "const V *restrict p, V *c" if parameters_only else "const V *restrict x, V *c, V t, V *restrict out"
-        return "\n".join([f"PRIVATE void {name}({head}) {{", *calls, "}"])
+        return "\n".join([f"MODEL void {name}({head}) {{", *calls, "}"])
 
     def _schedule(self, outputs: list[int], parameters_only: bool) -> _Schedule:
         nodes = self._graph.nodes

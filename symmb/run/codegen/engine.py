@@ -198,12 +198,12 @@ class Engine:
         self.counts, self.most_steps = Counts(), MOST_STEPS
         self.operations = f.n_instructions() * (1 if scheme else _STAGES)
         tableau = CLASSICAL if isinstance(lanes.control, FixedStep) else None
-        self.source = source_of(f, scheme or tableau, lanes.ends.hysteresis, lanes.contacts, self.use)
+        self._source = source_of(f, scheme or tableau, lanes.ends.hysteresis, lanes.contacts, self.use)
         self._pieces = {entry.pieces.name: entry.pieces.data for call in called(f).values() for entry in call if entry}
         self._open()
 
     def _open(self) -> None:
-        self._library = load(self.source, "width", "work")
+        self._library = load(self._source.model, "width", "work", engine=self._source.engine)
         for name, data in self._pieces.items():
             kept = _DATA.setdefault(name, data)
             ctypes.c_void_p.in_dll(self._library, name).value = kept.ctypes.data
@@ -215,6 +215,11 @@ class Engine:
     def __setstate__(self, state: dict) -> None:
         self.__dict__.update(state)
         self._open()
+
+    @property
+    def source(self) -> str:
+        """The C source of the model and of the engine."""
+        return "".join(self._source)
 
     @property
     def _notes_passes(self) -> bool:

@@ -5,7 +5,7 @@ import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import casadi as ca
 
@@ -126,13 +126,24 @@ def _function(
     return ca.Function("f", [*inputs.values()], [ca.densify(e) for e in parts.values()], [*inputs], list(parts))
 
 
+class Source(NamedTuple):
+    """The C source of an ensemble: the functions and data of a model, and the engine, which may be compiled alone.
+
+    The engine depends on few sizes of the model, so that models of as many states share it. Text after text, both are
+    one source.
+    """
+
+    model: str
+    engine: str
+
+
 def source_of(
     f: ca.Function,
     scheme: Scheme | Tableau | None,
     hysteresis: Sequence[float] = (),
     contacts: Contacts | None = None,
     use: Use = "lanes",
-) -> str:
+) -> Source:
     """The C source of an ensemble of f. The source of a large model is cached, because its generation takes seconds.
 
     Parameters
@@ -151,9 +162,9 @@ def source_of(
     key = hashlib.sha256("\0".join(described).encode()).hexdigest()[:32]
     path = cache.find(key, ".c")
     if path is not None:
-        return path.read_text(encoding="utf-8")
+        return Source(*path.read_text(encoding="utf-8").split("\f"))
     source = write()
-    cache.keep(key, source.encode(), ".c")
+    cache.keep(key, "\f".join(source).encode(), ".c")
     return source
 
 
@@ -191,7 +202,7 @@ def _scheme_sizes(nodes: Mapping[str, list[int]], scheme: Scheme) -> dict[str, f
         "N_W": n_w,
         "N_Z": n_z,
         "N_TESTED": len(nodes["correct"]) - n_z,
-        "N_E": len(nodes["follow"]) - n_w,
+        "N_ERRORS": len(nodes["follow"]) - n_w,
         "N_K": max(len(nodes["follow"]), len(nodes["correct"])),
         "ORDER": scheme.order,
         "GROWTH": scheme.growth,
@@ -200,7 +211,7 @@ def _scheme_sizes(nodes: Mapping[str, list[int]], scheme: Scheme) -> dict[str, f
 
 def _ensemble_source(
     f: ca.Function, scheme: Scheme | Tableau | None, hysteresis: Sequence[float], contacts: Contacts | None, use: Use
-) -> str:
+) -> Source:
     """The C source of an ensemble: functions of the model, which compute nodes of a graph, and files for the steps."""
     graph = graph_of(f)
     nodes = dict(zip(f.name_out(), graph.outputs, strict=True))
@@ -208,27 +219,29 @@ def _ensemble_source(
         place, own_sizes, steps = list(range(f.numel_in(0))), _scheme_sizes(nodes, scheme), [c_source("implicit_step")]
     else:
         place, own_sizes, steps = _explicit_steps(graph, nodes, scheme, hysteresis)
+    is_started = "start" in nodes
+    nodes = {"newton": [], "start": [], **nodes}
     emitter = Emitter(graph, place)
     parts, functions, n_c = emitter.source(nodes)
     lists = _state_lists(emitter, nodes, place, bool(hysteresis) or use == "run")
-    sizes = {
-        "N_PARTS": len(parts),
-        "N_X": len(place),
+    sizes_of_model = {
         "N_P": f.numel_in(1),
         "N_C": n_c,
         "N_CARRIED": emitter.n_carried,
         "N_Y": len(nodes["outputs"]),
         "N_USED": len(lists["used"]),
+        "STARTED": int(is_started),
+        "N_U": len(nodes["newton"]),
+        "N_X": len(place),
+        "N_RANGED": len(lists["ranged"]),
+        **own_sizes,
+    }
+    sizes = {
         "PROJECTED": int("project" in nodes),
         "N_S": len(hysteresis),
         "N_G": 0,
         "N_I": 0,
         "N_E": 0,
-        "N_RANGED": len(lists["ranged"]),
-        "STARTED": int("start" in nodes),
-        "N_U": len(nodes.get("newton", ())),
-        "LARGE": int(len(graph.nodes) > LARGE_MODEL),
-        **own_sizes,
         **({"WIDTH": 1} if use != "lanes" else {}),
     }
     numbers = {"hysteresis": hysteresis}
@@ -237,19 +250,46 @@ def _ensemble_source(
         lists |= {"contact_state": contacts.closed, **contacts.joints}
         numbers["displacement"] = contacts.displacements
     scalar, ends = {"lanes": ([], ["ensemble"]), "run": ([], []), "card": (["scalar"], ["kernel"])}[use]
-    lines = [f"#define {name} {value}" for name, value in sizes.items()]
-    lines += [f"enum {{ {', '.join(FailureCode.__members__)} }};", c_source(*scalar, "lanes")]
-    lines += [_constants("int", name, map(str, v or [0])) for name, v in lists.items()]
+    before = [*_defined(sizes), f"enum {{ {', '.join(FailureCode.__members__)} }};", c_source(*scalar, "lanes")]
+    model = [
+        *_defined({"N_PARTS": len(parts), "LARGE": int(len(graph.nodes) > LARGE_MODEL)}),
+        *_defined(sizes_of_model),
+    ]
     # Lanes share the data of pieces with Python. Other programs do not have these data.
-    lines += [f"extern const double *{n};" if use == "lanes" else _data(n, p) for n, p in graph.pieces.items()]
-    lines += [_constants("double", name, map(repr, v or [0.0])) for name, v in numbers.items()]
-    lines += [f"{_only_in(k)}\n{part}\n#endif" for k, part in enumerate(parts)]
-    # The steps are compiled only with the first part, because the parts of a large model are linked into one library.
-    lines += [_only_in(0)]
+    model += before
+    model += [f"extern const double *{n};" if use == "lanes" else _data(n, p) for n, p in graph.pieces.items()]
+    model += [f"{_only_in(k)}\n{part}\n#endif" for k, part in enumerate(parts)]
+    model += [
+        _only_in(0),
+        "#ifdef PART",
+        *(f"DATA const {_kind(n)} {name.lower()}_of_model = {n!r};" for name, n in sizes_of_model.items()),
+    ]
+    model += ["#endif", *(_constants("int", name, v or [0]) for name, v in lists.items())]
+    model += [_constants("double", name, v or [0.0]) for name, v in numbers.items()]
     if use == "lanes":
-        lines += [f"const double *{name}; /* set when the library is opened */" for name in graph.pieces]
-    lines += [functions, c_source("block", "projection", "switches", "impacts"), *steps, c_source("begin")]
-    return "\n".join([*lines, *map(c_source, ends), "#endif"])
+        model += [f"const double *{name}; /* set when the library is opened */" for name in graph.pieces]
+    model += [functions, "#endif\n"]
+    # The engine that is compiled alone finds sizes, data and functions of the model in the model's library.
+    engine = ["#ifdef PART", *(f"#define {name} {name.lower()}_of_model" for name in sizes_of_model), *before]
+    engine += [f"extern MODEL const {_kind(n)} {name.lower()}_of_model;" for name, n in sizes_of_model.items()]
+    engine += [f"extern MODEL const int {', '.join(f'{name}[]' for name in lists)};"]
+    engine += [f"extern MODEL const double {', '.join(f'{name}[]' for name in numbers)};"]
+    engine += [f"MODEL void {name}(const V *restrict, V *, V, V *restrict);" for name in nodes]
+    engine += [
+        "MODEL void prepare(const V *restrict, V *);",
+        "#endif",
+        c_source("block", "projection", "switches", "impacts"),
+    ]
+    engine += [*steps, c_source("begin"), *map(c_source, ends)]
+    return Source("\n".join(model), "\n".join(engine) + "\n")
+
+
+def _kind(number: float) -> str:
+    return "int" if isinstance(number, int) else "double"
+
+
+def _defined(sizes: Mapping[str, float]) -> list[str]:
+    return [f"#define {name} {value}" for name, value in sizes.items()]
 
 
 def _state_lists(
@@ -282,15 +322,13 @@ def _sizes_of(contacts: Contacts) -> dict[str, float]:
     }
 
 
-def _constants(kind: str, name: str, texts: Iterable[str]) -> str:
-    return f"PRIVATE const {kind} {name}[] = {{{', '.join(texts)}}};"
+def _constants(kind: str, name: str, values: Iterable[float]) -> str:
+    return f"DATA const {kind} {name}[] = {{{', '.join(map(repr, values))}}};"
 
 
 def _data(name: str, pieces: Pieces) -> str:
     """The definition of pieces in C, with their data."""
-    return (
-        f"{_constants('double', f'{name}_data', map(repr, pieces.data.ravel().tolist()))}\n#define {name} {name}_data"
-    )
+    return f"{_constants('double', f'{name}_data', pieces.data.ravel().tolist())}\n#define {name} {name}_data"
 
 
 def _only_in(part: int) -> str:

@@ -6,7 +6,6 @@
 
 #include "embedded_pair.h"
 
-#if STARTED
 #define START_CONVERGED 1e-9 /* step over the size of the unknowns. Convergence is quadratic, so the error is rounding */
 #define START_ITERATIONS 30
 #define START_SIZE 1e-3 /* smallest size of the unknowns */
@@ -30,7 +29,6 @@ static void assemble(Part *a, V t) {
   start(u, a->c, t, a->x);
   for (int i = 0; N_U > 0 && i < N_X; ++i) a->x[i] = blend(active, each(NAN), a->x[i]);
 }
-#endif
 
 /* The states at the first time of the samples of a block that did not fail. Lanes without a sample repeat other samples, so
    that they do not change the common step. Returns 0 if a state is not finite; its sample then fails. */
@@ -45,9 +43,7 @@ static int place_samples(Block *b, Study *s) {
       for (int j = 0; j < N_X && !STARTED; ++j) a->x[place[j]][l] = s->x0[i * N_X + j];
     }
     prepare(a->p, a->c);
-#if STARTED
-    assemble(a, each(b->t));
-#endif
+    if (STARTED) assemble(a, each(b->t));
     for (int j = 0; j < N_X; ++j) sum += a->x[j] * 0.0;
     for (int l = 0; l < W; ++l)
       if (sum[l] != 0.0) {

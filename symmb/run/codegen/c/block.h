@@ -12,7 +12,7 @@
 #include "lanes.h"
 #include "model.h"
 
-enum { CHUNK = N_X > 512 ? 1 : N_X > 64 ? 4 : 16 }; /* output times at once; the states at these times fit into a cache */
+#define CHUNK (N_X > 512 ? 1 : N_X > 64 ? 4 : 16) /* output times at once; the states at these times fit into a cache */
 #define SIZE(n) ((n) > 0 ? (n) : 1)
 
 /* A study of n samples at n_t times. p (n, N_P) and, unless STARTED, x0 (n, N_X) have a row for each sample. */
@@ -41,19 +41,37 @@ typedef struct {
   long is_reduced; /* whether nobody reads the values of failed samples, see kernel.h */
 } Study;
 
+/* Arrays of a part whose sizes are those of the model. An engine that is compiled without the model knows these sizes only in
+   its runs, and has the arrays behind the block; see ensemble.h. */
+#define ARRAYS(ARRAY) \
+  ARRAY(x, SIZE(N_X)) \
+  ARRAY(x_new, SIZE(N_X)) \
+  ARRAY(k, SIZE(N_K)) \
+  ARRAY(x_at, CHUNK * SIZE(N_X))                    /* states at some times */ \
+  ARRAY(atol, SIZE(N_X))                            /* from the largest value of each state so far */ \
+  ARRAY(F, 7 * SIZE(N_USED)) \
+  ARRAY(box, N_S > 0 ? 4 * N_X + 3 : 1)             /* of a part of a step, and four lists of states; see switches.h */ \
+  ARRAY(x_low, SIZE(N_RANGED)) \
+  ARRAY(dx_low, SIZE(N_RANGED)) \
+  ARRAY(x_end, SIZE(N_RANGED)) \
+  ARRAY(dx_end, SIZE(N_RANGED)) \
+  ARRAY(c, SIZE(N_C) + SIZE(N_CARRIED))             /* values of parameters, then space for the model's functions */ \
+  ARRAY(y, CHUNK * SIZE(N_Y))                       /* outputs at some times */ \
+  ARRAY(p, SIZE(N_P))                               /* parameters */ \
+  ARRAY(scratch, 2 * (N_X > N_U ? SIZE(N_X) : N_U)) /* errors of a step, or unknowns at the start */
+#ifdef PART
+#define MEMBER(name, n) V *name;
+#else
+#define MEMBER(name, n) V name[n];
+#endif
+
 /* The data of W lanes of a block. */
 typedef struct {
-  V x[SIZE(N_X)], x_new[SIZE(N_X)], k[SIZE(N_K)], F[7 * SIZE(N_USED)];
-  V c[SIZE(N_C) + SIZE(N_CARRIED)];                /* values of parameters, then space for the model's functions */
-  V x_at[CHUNK * SIZE(N_X)], y[CHUNK * SIZE(N_Y)]; /* states and outputs at some times */
-  V atol[SIZE(N_X)];                               /* from the largest value of each state so far */
-  V load;                                          /* sum of the errors of all steps of the run, each at most 1 */
-  V p[SIZE(N_P)], scratch[2 * (N_X > N_U ? SIZE(N_X) : N_U)]; /* parameters; errors of a step, or unknowns at the start */
+  V load; /* sum of the errors of all steps of the run, each at most 1 */
+  ARRAYS(MEMBER)
 #if N_S > 0
   V u[N_S], du[N_S], u_new[N_S], u_low[N_S], u_at[N_S]; /* switches times their sides, and their rates, see switches.h */
   V raised[N_S], when, which, reach[2 * N_S];
-  V box[4 * N_X + 3], x_low[SIZE(N_RANGED)], dx_low[SIZE(N_RANGED)], x_end[SIZE(N_RANGED)], dx_end[SIZE(N_RANGED)]; /* of a
-                                                                part of a step, see switches.h */
 #endif
 } Part;
 

@@ -338,7 +338,7 @@ PRIVATE int go_on_with(Block *b, Study *s, double t) {
      its interpolant at t. */
   EACH_PART(b) {
     for (int i = 0; i < N_X; ++i) a->x_new[i] = state_of(b, a, i, t);
-    memcpy(a->x, a->x_new, sizeof a->x);
+    memcpy(a->x, a->x_new, N_X * sizeof(V));
   }
   if (!reach_constraints(b, s, t)) return 0;
   b->t = t;

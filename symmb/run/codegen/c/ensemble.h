@@ -28,6 +28,20 @@ static void run_samples(Block *b, Study *s, double *restrict lower, double *rest
   }
 }
 
+/* A new block. NULL if there is not enough memory. */
+static Block *new_block(void) {
+#ifdef PART
+#define BEHIND(name, n) + (n)
+#define SET(name, n) a->name = room, room += n;
+  Block *b = aligned_alloc(sizeof(V), sizeof(Block) + PARTS * (0 ARRAYS(BEHIND)) * sizeof(V));
+  V *room = (V *)(b + 1);
+  if (b) EACH_PART(b) { ARRAYS(SET) }
+  return b;
+#else
+  return aligned_alloc(sizeof(V), sizeof(Block));
+#endif
+}
+
 /* The next sample that runs alone: of all samples that must run alone, it needs the fewest steps. -1 if there is none. */
 static int least_suspicious(const Block *b) {
   int least = -1;
@@ -41,7 +55,7 @@ static int least_suspicious(const Block *b) {
 int work(Study *s, double *restrict lower, double *restrict upper);
 int work(Study *s, double *restrict lower, double *restrict upper) {
   const long n = s->Y ? 0 : s->n_t * N_Y;
-  Block *b = aligned_alloc(sizeof(V), sizeof(Block));
+  Block *b = new_block();
   double *part = malloc((2 * n + 1) * sizeof(double));
   const int enough = b && part;
   while (enough && (b->number = __atomic_fetch_add(&s->next_block, 1, __ATOMIC_RELAXED)) * WIDTH < s->n) {

@@ -17,7 +17,7 @@ PRIVATE int run(Block *b, Study *s) {
       b->t = begin + i * b->h;
       EACH_PART(b) rates(a->x, a->c, each(b->t), a->k);
       stages(b);
-      EACH_PART(b) memcpy(a->x, a->x_new, sizeof a->x);
+      EACH_PART(b) memcpy(a->x, a->x_new, N_X * sizeof(V));
     }
     b->t = s->times[b->next];
     observe(b);

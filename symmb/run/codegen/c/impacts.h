@@ -200,7 +200,7 @@ PRIVATE int close_contacts(Block *b, const int *slow, const int *released) {
     /* A contact closes with a gap and a rate that are small, but not 0. Constraints on accelerations alone would not change the
        rate, and the gap would drift while the contact is closed. */
     held(a->x, a->c, each(b->t), a->x_new);
-    memcpy(a->x, a->x_new, sizeof a->x);
+    memcpy(a->x, a->x_new, N_X * sizeof(V));
   }
   return 1;
 }
@@ -288,7 +288,7 @@ PRIVATE int move_joints(Block *b, Study *s, int passed, int is_first) {
     }
     if (sticks && is_first) {
       move_onto_constraints(a, a->x, b->t, a->x_new);
-      memcpy(a->x, a->x_new, sizeof a->x);
+      memcpy(a->x, a->x_new, N_X * sizeof(V));
     }
     memset(b->jumped, 0, sizeof b->jumped);
     /* Joints that close at one instant have one common jump. One after another, each jump would violate the rows of the joint

@@ -4,7 +4,7 @@
    model defines history(x, c, t, w), which computes w from the state at t. For t at the end of the step, it defines three more
    functions. guess(x, c, t, z) computes a first guess. correct(x, c, t, d) computes Newton's change of z, then N_TESTED parts
    of the change over their sizes, which decide convergence. follow(x, c, t, w) computes the new history, then estimated errors
-   (N_E) of the state, if there are any. ORDER is the order of the scheme. GROWTH is the largest ratio of a step to the previous
+   (N_ERRORS) of the state, if there are any. ORDER is the order of the scheme. GROWTH is the largest ratio of a step to the previous
    step.
 
    Hairer and Wanner (1996), Solving Ordinary Differential Equations II, section IV.8: Newton's method and step control. */
@@ -55,11 +55,11 @@ PRIVATE double largest_error(Block *b, const Study *s, M *large) {
   double e = 0.0;
   EACH_PART(b) {
     V sum = zero();
-    for (int i = 0; i < N_E; ++i) {
+    for (int i = 0; i < N_ERRORS; ++i) {
       const V r = a->k[N_W + i] / (s->atol[i] + s->rtol * v_larger(v_fabs(a->x[i]), v_fabs(a->k[i])));
       sum += r * r;
     }
-    sum = v_sqrt(sum / (double)SIZE(N_E));
+    sum = v_sqrt(sum / (double)SIZE(N_ERRORS));
     large[a - b->part] = ~(M)(sum <= 1.0);
     a->load += v_smaller(sum, each(1.0)); /* 1 for NaN */
     const double here = largest_lane(sum);

@@ -32,11 +32,16 @@ typedef long long M __attribute__((vector_size(8 * W), aligned(8 * W)));
 #define NOINLINE __attribute__((noinline))
 #define PRIVATE static __attribute__((unused)) /* a function that a model may not use */
 
-/* A function of a model. If the parts of a model are compiled separately, PART is the number of the part. */
+/* A function of a model, a part of such a function, and data of a model. If the parts of a model and the engine are compiled
+   separately, PART is the number of the part. */
 #ifdef PART
+#define MODEL __attribute__((visibility("hidden")))
 #define PIECE __attribute__((noinline, visibility("hidden")))
+#define DATA MODEL
 #else
+#define MODEL PRIVATE
 #define PIECE PRIVATE NOINLINE
+#define DATA PRIVATE
 #endif
 
 PRIVATE inline V zero(void) { V a = {0}; return a; }

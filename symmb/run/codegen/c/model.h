@@ -19,11 +19,13 @@
 #define N_G 0       /* contacts, and events of joints, whose gaps and margins are the last switches; impacts.h */
 #define N_I 0       /* contacts among them */
 #define N_E 0       /* events of joints among them */
-#define STARTED 0   /* 1: newton() and start() compute the state at the start from N_U unknowns */
+#define STARTED 0   /* 1: newton() and start() compute the state at the start from N_U unknowns; otherwise they do nothing */
 #define N_U 0
 enum { STEPS, OUTPUT, NEWTON, MANY, STICKS, IMMOVABLE, UNENDING, DEPENDENT, ENDLESS, OPEN }; /* why a sample failed, see FailureCode */
 
-PRIVATE void prepare(const V *p, V *c) { c[0] = p[0] * p[0]; }
+MODEL void prepare(const V *p, V *c) { c[0] = p[0] * p[0]; }
+MODEL void newton(const V *x, V *c, V t, V *out) { (void)x, (void)c, (void)t, (void)out; }
+MODEL void start(const V *x, V *c, V t, V *out) { (void)x, (void)c, (void)t, (void)out; }
 
 #ifndef IMPLICIT_STEP_H
 
@@ -31,7 +33,7 @@ PRIVATE void prepare(const V *p, V *c) { c[0] = p[0] * p[0]; }
 #define N_OWN 2     /* the first states, with own slopes; the other states are integrals of the first states */
 #define N_K (3 * N_OWN)
 
-PRIVATE void rates(const V *x, V *c, V t, V *out) {
+MODEL void rates(const V *x, V *c, V t, V *out) {
   (void)t;
   out[0] = x[1];
   out[1] = -c[0] * x[0];
@@ -44,37 +46,37 @@ PRIVATE void rates(const V *x, V *c, V t, V *out) {
 #define N_W 2
 #define N_Z 2
 #define N_TESTED 2
-#define N_E 0
+#define N_ERRORS 0
 #define N_X (N_W + 1 + N_Z)
 #define N_OWN 0
 #define N_K 4
 #define ORDER 1
 #define GROWTH 5.0
 
-PRIVATE void history(const V *x, V *c, V t, V *out) {
+MODEL void history(const V *x, V *c, V t, V *out) {
   (void)c, (void)t;
   memcpy(out, x, N_W * sizeof(V));
 }
-PRIVATE void guess(const V *x, V *c, V t, V *out) { history(x, c, t, out); }
-PRIVATE void correct(const V *x, V *c, V t, V *out) {
+MODEL void guess(const V *x, V *c, V t, V *out) { history(x, c, t, out); }
+MODEL void correct(const V *x, V *c, V t, V *out) {
   const V h = x[2], r0 = x[3] - x[0] - h * x[4], r1 = x[4] - x[1] + h * c[0] * x[3], det = 1.0 + h * h * c[0];
   (void)t;
   out[0] = out[2] = (r0 + h * r1) / det;
   out[1] = out[3] = (r1 - h * c[0] * r0) / det;
 }
-PRIVATE void follow(const V *x, V *c, V t, V *out) {
+MODEL void follow(const V *x, V *c, V t, V *out) {
   (void)c, (void)t;
   memcpy(out, x + N_W + 1, N_Z * sizeof(V));
 }
 
 #endif
 
-PRIVATE void outputs(const V *x, V *c, V t, V *out) {
+MODEL void outputs(const V *x, V *c, V t, V *out) {
   (void)c, (void)t;
   out[0] = x[0];
 }
 
-PRIVATE const int place[] = {0, 1, 2, 3, 4}; /* place in x of each state of the model */
-PRIVATE const int used[] = {0};              /* the states that outputs need */
+DATA const int place[] = {0, 1, 2, 3, 4}; /* place in x of each state of the model */
+DATA const int used[] = {0};              /* the states that outputs need */
 
 #endif

@@ -30,7 +30,7 @@ PRIVATE int reach_constraints(Block *b, Study *s, double t) {
         change = v_larger(v_fabs(a->x_new[i] - a->x[i]), change);
         size = v_larger(v_fabs(a->x_new[i]), size);
       }
-      memcpy(a->x, a->x_new, sizeof a->x);
+      memcpy(a->x, a->x_new, N_X * sizeof(V));
       active = ~(M)(change <= REACHED * size);
     }
     for (int l = 0; l < W; ++l)
@@ -47,7 +47,7 @@ PRIVATE void observe(Block *b) {
   EACH_PART(b) {
 #if PROJECTED
     move_onto_constraints(a, a->x, b->t, a->x_new);
-    memcpy(a->x, a->x_new, sizeof a->x);
+    memcpy(a->x, a->x_new, N_X * sizeof(V));
 #endif
     outputs(a->x, a->c, each(b->t), a->y);
   }

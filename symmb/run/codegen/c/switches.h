@@ -424,8 +424,8 @@ PRIVATE double first_pass(Block *b) {
         a->which = blend(sooner, each((double)k), a->which);
       }
       for (int k = 0; k < N_S; ++k) a->u_low[k] = a->u_new[k];
-      memcpy(a->x_low, a->x_end, sizeof a->x_low);
-      memcpy(a->dx_low, a->dx_end, sizeof a->dx_low);
+      memcpy(a->x_low, a->x_end, N_RANGED * sizeof(V));
+      memcpy(a->dx_low, a->dx_end, N_RANGED * sizeof(V));
       for (int l = 0; l < W; ++l) first = a->when[l] < first ? a->when[l] : first;
     }
     low = high;
