@@ -159,10 +159,10 @@ int main(void) {{
   static const double x0[] = {{ {x0} }}, p[] = {{ {p} }}, times[] = {{ {times} }};
   static double events[800], t_failed[{n}], x_failed[{n} * N_X], Y[{n} * {n_t} * N_Y];
   static char failure[{n}];
-  static const double atol[] = {{ {atol} }};
+  static const double atol[] = {{ {atol} }}, numbers[] = {{ {numbers} }};
   for (int i = 0; i < {n}; ++i) t_failed[i] = NAN;
   Study s = {{x0, p, times, {n}, {n_t}, {rtol}, {growth}, {ahead}, {least}, atol, {longest}, {newton}, 100000, 0,
-             t_failed, failure, x_failed, Y, 0, 0, 0, 0, 0, 0, 0, events, 0, 100}};
+             t_failed, failure, x_failed, Y, 0, 0, 0, 0, 0, 0, 0, events, 0, 100, numbers}};
   if (!work(&s, NULL, NULL)) return 1;
   for (int i = 0; i < {n} * {n_t} * N_Y; ++i) printf("%.17g ", Y[i]);
   return 0;
@@ -203,6 +203,7 @@ def test_generated_programs_are_clean_under_sanitizers(model, solver, tmp_path):
     controlled = isinstance(engine.control, StepTolerances)
     atol = engine.control.absolute(engine.n_x) if controlled else np.zeros(1)
     arrays = {"x0": x0, "p": P, "times": simulator.times, "atol": atol}
+    arrays["numbers"] = np.array([*engine._source.numbers, 0.0])
     numbers = {name: ", ".join(map(repr, values.ravel().tolist())) for name, values in arrays.items()}
     numbers |= {"n": len(P), "n_t": len(simulator.times), "longest": engine.control.longest, "newton": engine.newton}
     for name, default in (("rtol", 0.0), ("growth", 0.0), ("ahead", 0.0), ("least", 1.0)):

@@ -55,6 +55,8 @@ _CALLS[ca.OP_CONSTPOW] = "v_pow"
 _POWERS = {-2.0: "1.0 / ({0} * {0})", -1.0: "1.0 / {0}", 3.0: "{0} * {0} * {0}", 4.0: "({0} * {0}) * ({0} * {0})"}
 _MASKS = {ca.OP_AND, ca.OP_OR, ca.OP_FMIN, ca.OP_FMAX}
 """Operations that combine masks. In C a comparison of plain numbers is an int, which is not a mask of lanes."""
+_LITERAL = 0.0, 1.0, -1.0
+"""Numbers that stay in the code, because compilers then have less to do."""
 _TURNED = {ca.OP_SIN: ca.OP_COS, ca.OP_COS: ca.OP_SIN}
 """Sine -> cosine, and cosine -> sine. Sine and cosine of an angle together cost little more than one of both."""
 
@@ -100,14 +102,21 @@ class Emitter:
     """Generates the functions of a graph with inputs x (0), p (1), t (2) and box (3). `place` gives places of x in C.
 
     Functions of a box of states receive the box instead of x. Once in a run, `prepare` computes the values that depend
-    on parameters alone, and stores them in c. All other functions start from x, c and t.
+    on parameters alone, and stores them in c. All other functions start from x, c and t. If `numbers_as_data`, numbers
+    are read from c, so that models with other numbers have the same code.
     """
 
-    def __init__(self, graph: Graph, place: Sequence[int]) -> None:
-        self._graph, self._place = graph, place
+    def __init__(self, graph: Graph, place: Sequence[int], numbers_as_data: bool = False) -> None:
+        self._graph, self._place, self._numbers_as_data = graph, place, numbers_as_data
+        self._numbers: dict[int, int] = {}  # node -> place behind the values of parameters in c
         self._parameter_values: dict[int, int] = {}  # node -> place in c
         self._pieces: list[str] = []
         self.n_carried = 0  # largest number of values that the pieces of a function pass to each other
+
+    @property
+    def numbers(self) -> list[float]:
+        """The numbers that the functions read from c."""
+        return [self._graph.nodes[k].constant for k in self._numbers]
 
     def inputs(self, outputs: Iterable[int], source: int) -> list[int]:
         """Numbers of the nonzeros of input number `source` on which the given nodes depend."""
@@ -144,9 +153,9 @@ class Emitter:
             lines = self._piece(schedule, piece)
             head = f"PIECE void {name}_{piece}({arguments}, V *restrict w, V *restrict {out})"
             self._pieces.append("\n".join([f"{head} {{", f"  {unused}", *lines, "}"]))
-            calls.append(f"  {name}_{piece}({inputs}, c + N_C, {out});")
+            calls.append(f"  {name}_{piece}({inputs}, c + N_C + N_NUMBERS, {out});")
         if schedule.angles:
-            calls.insert(schedule.n_first, f"  sines({len(schedule.angles)}, c + N_C);")
+            calls.insert(schedule.n_first, f"  sines({len(schedule.angles)}, c + N_C + N_NUMBERS);")
         head = "const V *restrict p, V *c" if parameters_only else "const V *restrict x, V *c, V t, V *restrict out"
         return "\n".join([f"MODEL void {name}({head}) {{", *calls, "}"])
 
@@ -234,7 +243,9 @@ class Emitter:
         """The C code of an operand in a statement of a piece."""
         node = self._graph.nodes[a]
         if node.operation == CONSTANT:
-            return _literal(node.constant)
+            if not self._numbers_as_data or node.constant in _LITERAL or not math.isfinite(node.constant):
+                return _literal(node.constant)
+            return f"c[N_C + {self._numbers.setdefault(a, len(self._numbers))}]"
         if schedule.parameters_only and node.operation == INPUT:
             return f"p[{node.index}]"
         if self._hoisted(a) and not schedule.parameters_only:

@@ -117,7 +117,9 @@ class Study(ctypes.Structure):
         (ctypes.c_void_p, "reach"),
         (ctypes.c_long, "steps iterations most"),
         (ctypes.c_void_p, "events"),
-        (ctypes.c_long, "n_events most_events is_reduced"),
+        (ctypes.c_long, "n_events most_events"),
+        (ctypes.c_void_p, "numbers"),
+        (ctypes.c_long, "is_reduced"),
     )
     arrays: Mapping[str, np.ndarray | None]
     """The arrays to which the pointers point. They are kept here, because the study uses them."""
@@ -199,6 +201,7 @@ class Engine:
         self.operations = f.n_instructions() * (1 if scheme else _STAGES)
         tableau = CLASSICAL if isinstance(lanes.control, FixedStep) else None
         self._source = source_of(f, scheme or tableau, lanes.ends.hysteresis, lanes.contacts, self.use)
+        self._numbers = np.array(self._source.numbers)
         self._pieces = {entry.pieces.name: entry.pieces.data for call in called(f).values() for entry in call if entry}
         self._open()
 
@@ -219,7 +222,7 @@ class Engine:
     @property
     def source(self) -> str:
         """The C source of the model and of the engine."""
-        return "".join(self._source)
+        return self._source.text
 
     @property
     def _notes_passes(self) -> bool:
@@ -260,7 +263,7 @@ class Engine:
         control = (
             self.control if isinstance(self.control, StepTolerances) else StepTolerances(0.0, 0.0, self.control.longest)
         )
-        arrays = {**arrays, "times": self.times, "atol": control.absolute(self.n_x)}
+        arrays = {**arrays, "times": self.times, "numbers": self._numbers, "atol": control.absolute(self.n_x)}
         study = Study(
             n=n,
             n_t=len(self.times),

@@ -129,12 +129,18 @@ def _function(
 class Source(NamedTuple):
     """The C source of an ensemble: the functions and data of a model, and the engine, which may be compiled alone.
 
-    The engine depends on few sizes of the model, so that models of as many states share it. Text after text, both are
-    one source.
+    The engine depends on few sizes of the model, so that many models share it. Text after text, both are one source.
+    Lanes receive the numbers of the equations as data, so that models with other numbers share a library.
     """
 
     model: str
     engine: str
+    numbers: tuple[float, ...] = ()
+
+    @property
+    def text(self) -> str:
+        """One source."""
+        return self.model + self.engine
 
 
 def source_of(
@@ -162,9 +168,10 @@ def source_of(
     key = hashlib.sha256("\0".join(described).encode()).hexdigest()[:32]
     path = cache.find(key, ".c")
     if path is not None:
-        return Source(*path.read_text(encoding="utf-8").split("\f"))
+        model, engine, numbers = path.read_text(encoding="utf-8").split("\f")
+        return Source(model, engine, tuple(map(float, numbers.split())))
     source = write()
-    cache.keep(key, "\f".join(source).encode(), ".c")
+    cache.keep(key, "\f".join([*source[:2], " ".join(map(repr, source.numbers))]).encode(), ".c")
     return source
 
 
@@ -220,13 +227,15 @@ def _ensemble_source(
     else:
         place, own_sizes, steps = _explicit_steps(graph, nodes, scheme, hysteresis)
     is_started = "start" in nodes
-    nodes = {"newton": [], "start": [], **nodes}
-    emitter = Emitter(graph, place)
+    for name in ("newton", "start"):
+        nodes.setdefault(name, [])
+    emitter = Emitter(graph, place, numbers_as_data=use == "lanes")
     parts, functions, n_c = emitter.source(nodes)
     lists = _state_lists(emitter, nodes, place, bool(hysteresis) or use == "run")
     sizes_of_model = {
         "N_P": f.numel_in(1),
         "N_C": n_c,
+        "N_CONSTANTS": len(emitter.numbers),
         "N_CARRIED": emitter.n_carried,
         "N_Y": len(nodes["outputs"]),
         "N_USED": len(lists["used"]),
@@ -244,51 +253,44 @@ def _ensemble_source(
         "N_E": 0,
         **({"WIDTH": 1} if use != "lanes" else {}),
     }
-    numbers = {"hysteresis": hysteresis}
+    numbers = {"hysteresis": list(hysteresis)}
     if contacts is not None:
         sizes |= _sizes_of(contacts)
         lists |= {"contact_state": contacts.closed, **contacts.joints}
-        numbers["displacement"] = contacts.displacements
+        numbers |= {"displacement": list(contacts.displacements), "scales": [contacts.length, contacts.energy]}
+    data = [*emitter.numbers, *(value for values in numbers.values() for value in values)] if use == "lanes" else []
+    sizes_of_model["N_NUMBERS"] = len(data)
     scalar, ends = {"lanes": ([], ["ensemble"]), "run": ([], []), "card": (["scalar"], ["kernel"])}[use]
-    before = [*_defined(sizes), f"enum {{ {', '.join(FailureCode.__members__)} }};", c_source(*scalar, "lanes")]
-    model = [
-        *_defined({"N_PARTS": len(parts), "LARGE": int(len(graph.nodes) > LARGE_MODEL)}),
-        *_defined(sizes_of_model),
-    ]
+    before = ["#define APART"] if use == "lanes" else []
+    before += [*_defined(sizes), f"enum {{ {', '.join(FailureCode.__members__)} }};", c_source(*scalar, "lanes")]
+    model = _defined({"N_PARTS": len(parts), "LARGE": int(len(graph.nodes) > LARGE_MODEL), **sizes_of_model}) + before
     # Lanes share the data of pieces with Python. Other programs do not have these data.
-    model += before
     model += [f"extern const double *{n};" if use == "lanes" else _data(n, p) for n, p in graph.pieces.items()]
     model += [f"{_only_in(k)}\n{part}\n#endif" for k, part in enumerate(parts)]
-    model += [
-        _only_in(0),
-        "#ifdef PART",
-        *(f"DATA const {_kind(n)} {name.lower()}_of_model = {n!r};" for name, n in sizes_of_model.items()),
-    ]
+    # The engine finds sizes, lists and functions of the model in the object file of the first part.
+    known = {f"{name.lower()}_of_model": value for name, value in sizes_of_model.items()}
+    model += [_only_in(0), "#ifdef PART"]
+    model += [f"DATA const {_kind(value)} {name} = {value!r};" for name, value in known.items()]
     model += ["#endif", *(_constants("int", name, v or [0]) for name, v in lists.items())]
-    model += [_constants("double", name, v or [0.0]) for name, v in numbers.items()]
     if use == "lanes":
         model += [f"const double *{name}; /* set when the library is opened */" for name in graph.pieces]
+    else:
+        model += [_constants("double", name, v or [0.0]) for name, v in numbers.items()]
     model += [functions, "#endif\n"]
-    # The engine that is compiled alone finds sizes, data and functions of the model in the model's library.
-    engine = ["#ifdef PART", *(f"#define {name} {name.lower()}_of_model" for name in sizes_of_model), *before]
-    engine += [f"extern MODEL const {_kind(n)} {name.lower()}_of_model;" for name, n in sizes_of_model.items()]
-    engine += [f"extern MODEL const int {', '.join(f'{name}[]' for name in lists)};"]
-    engine += [f"extern MODEL const double {', '.join(f'{name}[]' for name in numbers)};"]
+    engine = ["#ifdef PART", *_defined(dict(zip(sizes_of_model, known, strict=True))), *before]
+    engine += [f"extern MODEL const {_kind(value)} {name};" for name, value in known.items()]
+    engine += [f"extern MODEL const int {name}[];" for name in lists]
     engine += [f"MODEL void {name}(const V *restrict, V *, V, V *restrict);" for name in nodes]
-    engine += [
-        "MODEL void prepare(const V *restrict, V *);",
-        "#endif",
-        c_source("block", "projection", "switches", "impacts"),
-    ]
-    engine += [*steps, c_source("begin"), *map(c_source, ends)]
-    return Source("\n".join(model), "\n".join(engine) + "\n")
+    engine += ["MODEL void prepare(const V *restrict, V *);", "#endif"]
+    engine += [c_source("block", "projection", "switches", "impacts"), *steps, c_source("begin", *ends)]
+    return Source("\n".join(model), "\n".join(engine) + "\n", tuple(data))
 
 
 def _kind(number: float) -> str:
     return "int" if isinstance(number, int) else "double"
 
 
-def _defined(sizes: Mapping[str, float]) -> list[str]:
+def _defined(sizes: Mapping[str, object]) -> list[str]:
     return [f"#define {name} {value}" for name, value in sizes.items()]
 
 
@@ -312,8 +314,6 @@ def _sizes_of(contacts: Contacts) -> dict[str, float]:
         "N_V": contacts.n_v,
         "WIDTH": 1,
         "N_WORK": int(contacts.with_work),
-        "LENGTH": contacts.length,
-        "ENERGY": contacts.energy,
         "N_E": len(contacts.joints.get("opens", ())),
         "N_PLACE": len(contacts.joints.get("place_state", ())),
         "N_OTHERS": len(contacts.joints.get("other_state", ())),

@@ -85,7 +85,7 @@ def scene_source(scene: SceneSource) -> dict[str, str]:
     reasons = (reason.replace("Impact {}", "an impact").replace("of {}", "of the scene") for reason in REASONS)
     faults = ["the start could not be computed", *(reason.replace(" {}", "") for reason in reasons)]
     source = [
-        *source_of(lanes.f, lanes.scheme, lanes.ends.hysteresis, lanes.contacts, use="run"),
+        source_of(lanes.f, lanes.scheme, lanes.ends.hysteresis, lanes.contacts, use="run").text,
         '#include "scene.h"',
         *(f"#define {name} {value!r}" for name, value in numbers.items()),
         f"PRIVATE const double absolute[] = {_list(atol)}, stops[] = {_list(scene.stops)}, knots[] = {_list(knots)};",

@@ -38,10 +38,11 @@ typedef struct {
   long steps, iterations, most; /* of all blocks; iterations of Newton's method, and their maximum in a step */
   double *events;               /* (most_events, EVENT) recorded by impacts.h; there may be more events */
   long n_events, most_events;
+  const double *numbers; /* (N_NUMBERS,) numbers in the equations */
   long is_reduced; /* whether nobody reads the values of failed samples, see kernel.h */
 } Study;
 
-/* Arrays of a part whose sizes are those of the model. An engine that is compiled without the model knows these sizes only in
+/* Arrays of a part whose sizes are those of the model. An engine that is compiled apart from the model knows these sizes only in
    its runs, and has the arrays behind the block; see ensemble.h. */
 #define ARRAYS(ARRAY) \
   ARRAY(x, SIZE(N_X)) \
@@ -55,11 +56,11 @@ typedef struct {
   ARRAY(dx_low, SIZE(N_RANGED)) \
   ARRAY(x_end, SIZE(N_RANGED)) \
   ARRAY(dx_end, SIZE(N_RANGED)) \
-  ARRAY(c, SIZE(N_C) + SIZE(N_CARRIED))             /* values of parameters, then space for the model's functions */ \
+  ARRAY(c, SIZE(N_C + N_NUMBERS + N_CARRIED)) /* values of parameters, numbers, then space for the model's functions */ \
   ARRAY(y, CHUNK * SIZE(N_Y))                       /* outputs at some times */ \
   ARRAY(p, SIZE(N_P))                               /* parameters */ \
   ARRAY(scratch, 2 * (N_X > N_U ? SIZE(N_X) : N_U)) /* errors of a step, or unknowns at the start */
-#ifdef PART
+#ifdef APART
 #define MEMBER(name, n) V *name;
 #else
 #define MEMBER(name, n) V name[n];

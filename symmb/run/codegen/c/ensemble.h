@@ -30,7 +30,7 @@ static void run_samples(Block *b, Study *s, double *restrict lower, double *rest
 
 /* A new block. NULL if there is not enough memory. */
 static Block *new_block(void) {
-#ifdef PART
+#ifdef APART
 #define BEHIND(name, n) + (n)
 #define SET(name, n) a->name = room, room += n;
   Block *b = aligned_alloc(sizeof(V), sizeof(Block) + PARTS * (0 ARRAYS(BEHIND)) * sizeof(V));

@@ -145,8 +145,8 @@ PRIVATE int apply_impulses(Instant *c, Block *b, Study *s) {
       c->D[k][i] = 0.0;
       for (int j = 0; j < N_V; ++j) c->D[k][i] += b->law[k + N_I * j][0] * b->law[N_I * N_V + j + N_V * i][0];
     }
-    for (int j = 0; j < N_V; ++j) size += pow(b->law[k + N_I * j][0] * displacement[j], 2.0);
-    c->movable[k] = c->D[k][k] * ENERGY > SMALL * size;
+    for (int j = 0; j < N_V; ++j) size += pow(b->law[k + N_I * j][0] * DISPLACEMENT(b->part, j), 2.0);
+    c->movable[k] = c->D[k][k] * ENERGY_OF(b->part) > SMALL * size;
   }
   /* The first trial does not record events. Each event records whether the order matters, and this is known only after all
      impacts. */
@@ -261,7 +261,7 @@ PRIVATE int move_joints(Block *b, Study *s, int passed, int is_first) {
     margins(a->x, a->c, t, b->margin);
     places(a->x, a->c, t, b->closing);
     for (int k = 0; k < N_E; ++k) {
-      const double off = hysteresis[N_S - N_E + k], margin = b->margin[k][0];
+      const double off = HYSTERESIS(b->part, N_S - N_E + k), margin = b->margin[k][0];
       const int held = flag(a, holding_state, k) > 0.5, armed = is_armed(a, k);
       /* The margin of the event that the search has found is 0 except for rounding, so its sign has no meaning: this event
          always takes place. Other events have a hysteresis, within which the rate decides. */
@@ -335,7 +335,7 @@ PRIVATE int meet_contacts(Block *b, Study *s, int contact) {
        a pass is rounded. Within this rounding, a fast gap may change by more than its own rounding. */
     for (int k = 0; k < N_I; ++k) {
       const double slack = SMALL * b->force[2 * N_I + k][0] * b->force[3 * N_I + k][0];
-      rounding[k] = ROUNDED * (LENGTH + b->gap[2 * N_I + k][0]);
+      rounding[k] = ROUNDED * (LENGTH_OF(b->part) + b->gap[2 * N_I + k][0]);
       before[k] = is_closed(a, k);
       released[k] = before[k] && (contact == N_G + k || (contact >= N_G && b->force[k][0] + slack < 0.0));
       c.touching[k] = before[k] || contact == k || b->gap[k][0] <= rounding[k];

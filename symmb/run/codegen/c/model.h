@@ -10,6 +10,7 @@
 
 #define N_P 1       /* parameters */
 #define N_C 1       /* values that depend on parameters alone */
+#define N_NUMBERS 0 /* numbers of the equations that the engine copies behind these values */
 #define N_CARRIED 0 /* values that pieces of a function pass to later pieces */
 #define N_Y 1       /* outputs */
 #define N_USED 1    /* states that outputs need */

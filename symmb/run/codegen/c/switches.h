@@ -59,8 +59,21 @@ PRIVATE int find_stop(Block *b, const Study *s) {
 #define SLOPE_OFF 3.0792    /* 16 sqrt(3) / 9, the largest slope of 16 z^2 (1 - z)^2, which is at most 1. A function has this
                                distance from the cubic with its values and slopes at both ends */
 #define ROUNDED 1.7763568394002505e-15 /* fraction of lengths, 2^-49, below which a gap is 0: eight rounding errors */
-#ifndef LENGTH
-#define LENGTH 0.0 /* without contacts */
+#ifdef APART /* lanes receive these numbers behind those of the equations */
+#define OTHER_NUMBER(a, k) ((a)->c[N_C + N_CONSTANTS + (k)][0])
+#define HYSTERESIS(a, k) OTHER_NUMBER(a, k)
+#define DISPLACEMENT(a, k) OTHER_NUMBER(a, N_S + (k))
+#define LENGTH_OF(a) OTHER_NUMBER(a, N_S + N_V)
+#define ENERGY_OF(a) OTHER_NUMBER(a, N_S + N_V + 1)
+#else
+#define HYSTERESIS(a, k) hysteresis[k]
+#define DISPLACEMENT(a, k) displacement[k]
+#define LENGTH_OF(a) scales[0]
+#define ENERGY_OF(a) scales[1]
+#endif
+#if N_G == 0
+#undef LENGTH_OF
+#define LENGTH_OF(a) 0.0
 #endif
 #define REVERSAL 10.0       /* a motion sticks if it returns by this number of hystereses in a tenth of a step */
 #define SMALL 1e-12         /* fraction of the terms of a sum below which the sum is rounding */
@@ -100,14 +113,14 @@ PRIVATE void settle(Block *b) {
       changes(a->x, a->c, each(between_stops(b, b->t)), a->du);
       changed = (M)zero();
       for (int k = 0; k < N_S - N_G; ++k) {
-        const V u = choose(v_fabs(a->u[k]) > hysteresis[k], a->u[k], a->du[k]);
+        const V u = choose(v_fabs(a->u[k]) > HYSTERESIS(a, k), a->u[k], a->du[k]);
         const V side = choose(u > 0.0, each(1.0), choose(u < 0.0, each(-1.0), sides(a)[k]));
         changed |= (M)(side != sides(a)[k]);
         sides(a)[k] = side;
       }
       prepare(a->p, a->c); /* sides are parameters, and c holds values that depend on them */
     }
-    for (int k = 0; k < N_S; ++k) a->raised[k] = each(hysteresis[k]);
+    for (int k = 0; k < N_S; ++k) a->raised[k] = each(HYSTERESIS(a, k));
     on_sides(a, a->x, each(between_stops(b, b->t)), a->u);
     /* A gap that begins below 0 because of rounding would be passed in each step. Therefore it is raised to 0. */
     for (int k = N_S - N_G; k < N_S; ++k) {
@@ -179,7 +192,7 @@ PRIVATE M is_open(Part *a, V begin, V end, double share, double h, const V *u, c
     if (is_by_force(k)) continue; /* see first_release */
     const M up = (M)(sides(a)[k] > 0.0);
     const V least = blend(up, range[k], -range[N_S + k]) + a->raised[k];
-    const double slight = is_gap(k) ? ROUNDED * LENGTH : SLIGHT * hysteresis[k];
+    const double slight = is_gap(k) ? ROUNDED * LENGTH_OF(a) : SLIGHT * HYSTERESIS(a, k);
     /* For a switch that stays at 0, ranges cannot exclude a pass because of rounding, even in short parts. Therefore rounding
        is allowed in parts. It is not allowed in a whole step, because the halves of a step cost little and exclude more. */
     const V rounding = each(share < 1.0 ? slight : 0.0);
@@ -458,7 +471,7 @@ PRIVATE int change_sides(Block *b, Study *s, double z) {
     for (int k = 0; k < N_S; ++k) {
       passed[k] = k < N_S - N_G ? (M)(a->when <= z) & (M)(a->which == (double)k) : (M)zero();
       sides(a)[k] = blend(passed[k], -sides(a)[k], sides(a)[k]);
-      a->raised[k] = blend(passed[k], each(hysteresis[k]), a->raised[k]);
+      a->raised[k] = blend(passed[k], each(HYSTERESIS(a, k)), a->raised[k]);
     }
     for (long l = 0; l < W && s->passes; ++l)
       if (a->when[l] <= z && a->which[l] < N_S - N_G && (a - b->part) * W + l < b->live) note_pass(b, s, (a - b->part) * W + l, b->t_new);
@@ -466,7 +479,7 @@ PRIVATE int change_sides(Block *b, Study *s, double z) {
     on_sides(a, a->x_new, t, a->u);
     rates_on_sides(a, a->x_new, t, a->du);
     for (int k = 0; k < N_S; ++k) {
-      const V margin = each(REVERSAL * hysteresis[k]);
+      const V margin = each(REVERSAL * HYSTERESIS(a, k));
       const M turned = (M)(before[k] < 0.0) & (M)(0.1 * b->h * a->du[k] < -margin);
       const M sticks = passed[k] & turned & (M)(a->u[k] < margin);
       for (int l = 0; l < W; ++l)
@@ -490,7 +503,7 @@ PRIVATE void raise_switches(Block *b) {
       rates_on_sides(a, a->x, each(between_stops(b, b->t)), a->du);
     }
     for (int k = 0; k < N_S; ++k) {
-      const V least = each(hysteresis[k]);
+      const V least = each(HYSTERESIS(a, k));
       const V aim = choose(a->du[k] > 0.0, least, v_smaller(before[k], least));
       const V lift = choose(before[k] > -least, v_larger(aim - a->u[k], zero()), zero());
       a->raised[k] += lift;
