@@ -254,10 +254,10 @@ def _has_its_segments(content: bytes) -> bool:
 def _built(source: str, folder: Path, compiler: "_Compiler", engine: str) -> Path:
     text, library_path = folder / "model.c", folder / "model.so"
     text.write_text(source, encoding="utf-8")
-    link = [*compiler.command, "-o", str(library_path), *compiler.flags]
+    to_library = ["-o", str(library_path), *compiler.flags, "-lm"]
     seconds = _build_seconds(len(source) + len(engine))
     if not engine:
-        _compile([*link, str(text), "-lm"], library_path, folder, seconds)
+        _compile([*compiler.command, str(text), *to_library], library_path, folder, seconds)
         return library_path
     parts = int(found[1]) if (found := re.search(r"^#define N_PARTS (\d+)$", source, re.MULTILINE)) else 1
     objects = {text.with_suffix(f".{k}.o"): text for k in range(parts)}
@@ -271,7 +271,7 @@ def _built(source: str, folder: Path, compiler: "_Compiler", engine: str) -> Pat
         [*compiler.command, "-c", f"-DPART={k}", str(path), "-o", str(to), *compiler.flags]
         for k, (to, path) in enumerate(objects.items())
     ]
-    last = [*link, *map(str, {**objects, shared: ""}), "-lm"]
+    last = [*compiler.command, *map(str, {**objects, shared: ""}), *to_library]
     _compile(["/bin/sh", "-c", _side_by_side(commands, last)], library_path, folder, seconds)
     if not kept:
         cache.keep(key, shared.read_bytes(), ".o")
