@@ -394,7 +394,7 @@ EMPTY = (
 def test_a_compiler_that_fails_at_a_model_gives_way_to_the_next_and_then_to_cvodes(
     folder, compilers, tmp_path, monkeypatch, how
 ):
-    script = f'case "$*" in *model.c*) {how};; *) exec {shutil.which("cc")} "$@";; esac'
+    script = f'case "$*" in *model.c*|*engine.c*) {how};; *) exec {shutil.which("cc")} "$@";; esac'
     compiler = program(tmp_path / "bad", script)
     monkeypatch.setenv("CC", str(compiler))
     if "sleep" in how:
