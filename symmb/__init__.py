@@ -11,11 +11,11 @@ from importlib import import_module
 from textwrap import fill
 from typing import Any
 
-import lazy_loader
-
+from symmb._doors import homes
 from symmb._names import did_you_mean, public_names
 
-_public, _, __all__ = lazy_loader.attach_stub(__name__, __file__)
+_homes = homes(__file__)
+__all__ = [*_homes]  # pyright: ignore[reportUnsupportedDunderAll]
 for _subject, _names in public_names().items():
     __doc__ = f"{__doc__}\n{_subject}\n{fill(', '.join(_names), 116, initial_indent='    ', subsequent_indent='    ')}"
 
@@ -33,9 +33,8 @@ def __getattr__(name: str) -> Any:
         return import_module("symmb._citation").citation()
     if name == "models":
         return import_module("symmb.models")
-    try:
-        return _public(name)
-    except AttributeError:
-        if name.startswith("_"):
-            raise
-        raise AttributeError(f"symmb has no name {name!r}.{did_you_mean(name, __all__)}", name=name) from None
+    if name in _homes:
+        value = globals()[name] = getattr(import_module(_homes[name], __name__), name)
+        return value
+    known = "" if name.startswith("_") else did_you_mean(name, __all__)
+    raise AttributeError(f"symmb has no name {name!r}.{known}", name=name)

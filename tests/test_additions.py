@@ -130,7 +130,8 @@ def test_additions_touch_the_files_that_contributing_names(tmp_path):
     names = symmb / "__init__.pyi"
 
     append(symmb / "declare/mechanics/joint.py", JOINT)
-    replace(symmb / "declare/mechanics/__init__.py", "    Revolute,\n", "    Revolute,\n    SameDirection,\n")
+    door = symmb / "declare/mechanics/__init__.pyi"
+    replace(door, "    Revolute as Revolute,\n", "    Revolute as Revolute,\n    SameDirection as SameDirection,\n")
     replace(symmb / "show/drawing/joints.py", "    Revolute,\n", "    Revolute,\n    SameDirection,\n")
     append(symmb / "show/drawing/joints.py", SKETCH)
     append(names, "from .declare.mechanics.joint import SameDirection as SameDirection\n")

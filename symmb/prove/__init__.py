@@ -14,10 +14,6 @@ the frame of the remainder. The polynomial is computed without proof. Bounds of 
 - `interval`, `discs`, `points`, `taylor_models` and `chebyshev` are arithmetics with bounds of rounding errors.
 """
 
-from symmb.prove.boxes import Enclosure, enclose
-from symmb.prove.interval import Interval, operate, parameter_intervals
-from symmb.prove.outputs import EXTRA_NODES
-from symmb.prove.problem import SINGULAR, Problem
-from symmb.prove.rounding import require_rounding_to_nearest
-from symmb.prove.scene_problem import problem_of
-from symmb.prove.start import NO_START
+from symmb._doors import open_door
+
+open_door(__name__)

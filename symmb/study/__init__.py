@@ -9,5 +9,6 @@ consistent    which parameters keep all outputs within an error of the data
 root_locus    how eigenvalues depend on a parameter
 """
 
-from symmb.study.comparison_result import Comparison
-from symmb.study.tolerances import tolerances
+from symmb._doors import open_door
+
+open_door(__name__)

@@ -8,19 +8,6 @@ Out:  `Bounds` (`result`), and its answers. `limits` decides limits (`further_ru
 `envelope` has the curves, and the warnings about them. `result_file` stores them.
 """
 
-from symmb.bound.answers.contributions import Contributions
-from symmb.bound.answers.envelope import Envelope
-from symmb.bound.answers.laws import Correlation, Laws, given_once, laws_text
-from symmb.bound.answers.limits import (
-    WARNED,
-    KeptLimit,
-    LimitCheck,
-    Limits,
-    limit_pairs,
-    limit_text,
-    other_side,
-    unit_suffix,
-)
-from symmb.bound.answers.result import Bounds
-from symmb.bound.answers.result_file import INNER, Kind, box_coordinates, box_entries, box_of, inner_entries, kind_of
-from symmb.bound.answers.statistical import Statistics, laws_within, rejects_of, statistics_of
+from symmb._doors import open_door
+
+open_door(__name__)

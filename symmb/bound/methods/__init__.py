@@ -5,9 +5,6 @@ Out:  Bounds. `bounds_of` in `one_box` decides: it calls a method, checks what i
       that an output can have. `registry` lists the methods.
 """
 
-from symmb.bound.methods.method import Method
-from symmb.bound.methods.one_box import bounds_of, possible_values, units_of
-from symmb.bound.methods.optimization import Optimization
-from symmb.bound.methods.polynomial_chaos import PolynomialChaos
-from symmb.bound.methods.registry import METHODS, method_of, read_method
-from symmb.bound.methods.sampling import MonteCarlo, Scanning, Vertex
+from symmb._doors import open_door
+
+open_door(__name__)

@@ -6,6 +6,6 @@ Out:  Bounds with warnings. `propagate` reduces the box (`reductions`), bounds, 
       further runs.
 """
 
-from symmb.bound.propagation.doubts import doubts_of_checks, doubts_of_runs, far_intervals, idle_parameters, with_doubts
-from symmb.bound.propagation.propagation import finished, propagate
-from symmb.bound.propagation.study import Extremes, Study
+from symmb._doors import open_door
+
+open_door(__name__)

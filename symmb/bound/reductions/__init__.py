@@ -6,5 +6,6 @@ Out:  Bounds over this box. `bounded` decides: it applies the reductions of `cha
       is, `unseen` searches for it, and studies this part of the box.
 """
 
-from symmb.bound.reductions.chain import bounded
-from symmb.bound.reductions.choices import over_parts
+from symmb._doors import open_door
+
+open_door(__name__)

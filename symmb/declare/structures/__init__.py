@@ -3,6 +3,6 @@
 A structure is reduced to `Modes`, the input of `mechanics.FlexibleBody`.
 """
 
-from symmb.declare.structures.flexibility import Responses
-from symmb.declare.structures.inertia_invariants import Invariants
-from symmb.declare.structures.modes import Modes
+from symmb._doors import open_door
+
+open_door(__name__)

@@ -6,8 +6,6 @@ computes velocities, and `equilibrium` computes equilibria. `rank` determines th
 start. `joint_start` and `joint_values` compute starts in joint coordinates.
 """
 
-from symmb.equations.start.joint_start import start_in_joints
-from symmb.equations.start.preparation import prepare_start, with_gated_rows
-from symmb.equations.start.rank import independent_rows_and_columns
-from symmb.equations.start.singularity import Singularity, singularity
-from symmb.equations.start.start import Start
+from symmb._doors import open_door
+
+open_door(__name__)

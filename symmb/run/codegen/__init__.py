@@ -14,34 +14,6 @@ scalar, kernel               the same sources on graphics cards, with one sample
 dense_search, polynomial_ranges, tensor_fit   ranges and fits of polynomials
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from symmb._doors import open_door
 
-from symmb.run.codegen import cache
-from symmb.run.codegen.build import (
-    SLOW,
-    NoCompilerError,
-    compiler_advice,
-    has_compiler,
-    load,
-    portable_library,
-    require_compiler,
-    web_module,
-    with_compiler,
-)
-from symmb.run.codegen.c_source import C_FOLDER, Tables, c_fields, c_number, c_source, c_tables
-from symmb.run.codegen.contacts import BLAMED, CLOSES, IMPACT, OPENS, Contacts
-from symmb.run.codegen.engine import MOST_PASSES, Engine, FailedSamples, FixedStep, Lanes, StepEnds, StepTolerances
-from symmb.run.codegen.failures import REASONS, FailureCode
-from symmb.run.codegen.model_source import Scheme, model_function, scheme_function
-from symmb.run.codegen.scene_source import SceneSource, quoted, scene_source
-from symmb.run.codegen.threads import cores, on_threads, side_by_side
-
-if TYPE_CHECKING:
-    from symmb.run.codegen.card import Card, CardEngine, CudaCard, Summary
-
-
-def __getattr__(name: str) -> Any:
-    if name not in ("Card", "CardEngine", "CudaCard", "Summary"):
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module("symmb.run.codegen.card"), name)  # loaded where a graphics card is asked for
+open_door(__name__)

@@ -11,5 +11,6 @@ worker.js                  runs and bounds beside the page, level after level
 live.js, panel.html, live.css   the panel of the page
 """
 
-from symmb.show.live.live import live, live_from
-from symmb.show.live.surrogate import live_surrogate
+from symmb._doors import open_door
+
+open_door(__name__)

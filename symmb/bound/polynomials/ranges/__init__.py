@@ -3,8 +3,6 @@
 The compiled parts are in codegen/c.
 """
 
-from symmb.bound.polynomials.ranges.branch_and_bound import range_tables
-from symmb.bound.polynomials.ranges.dense import HIGHEST_DEGREE, MOST_PARAMETERS, dense_extremes
-from symmb.bound.polynomials.ranges.exact import RANGE_ERROR, RANGE_WORK, Exact
-from symmb.bound.polynomials.ranges.inclusion import LegendreInclusion, Range
-from symmb.bound.polynomials.ranges.piecewise import Piecewise, attained_extremes, joined, last_terms
+from symmb._doors import open_door
+
+open_door(__name__)

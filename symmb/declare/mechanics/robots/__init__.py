@@ -4,7 +4,6 @@
 makes machines of a `description`. `repair` changes moments of inertia. `algebra` has vectors of numbers or expressions.
 """
 
-from symmb.declare.mechanics.robots.document import Tag, read_document
-from symmb.declare.mechanics.robots.mjcf_file import load_mjcf
-from symmb.declare.mechanics.robots.robot import LinkFrame, Robot
-from symmb.declare.mechanics.robots.urdf_file import load_urdf
+from symmb._doors import open_door
+
+open_door(__name__)

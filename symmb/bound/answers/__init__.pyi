@@ -1,0 +1,31 @@
+"""The names that other rooms use. `_doors` loads their modules when they are used."""
+
+from .contributions import Contributions as Contributions
+from .envelope import Envelope as Envelope
+from .laws import Correlation as Correlation, Laws as Laws, given_once as given_once, laws_text as laws_text
+from .limits import (
+    WARNED as WARNED,
+    KeptLimit as KeptLimit,
+    LimitCheck as LimitCheck,
+    Limits as Limits,
+    limit_pairs as limit_pairs,
+    limit_text as limit_text,
+    other_side as other_side,
+    unit_suffix as unit_suffix,
+)
+from .result import Bounds as Bounds
+from .result_file import (
+    INNER as INNER,
+    Kind as Kind,
+    box_coordinates as box_coordinates,
+    box_entries as box_entries,
+    box_of as box_of,
+    inner_entries as inner_entries,
+    kind_of as kind_of,
+)
+from .statistical import (
+    Statistics as Statistics,
+    laws_within as laws_within,
+    rejects_of as rejects_of,
+    statistics_of as statistics_of,
+)

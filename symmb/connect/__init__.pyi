@@ -1,0 +1,30 @@
+"""The names that other rooms use. `_doors` loads their modules when they are used."""
+
+from .black_box import BlackBox as BlackBox
+from .executors import LostTask as LostTask, finished as finished, is_shut_down as is_shut_down
+from .identity import digest as digest
+from .recorded_runs import RecordedRuns as RecordedRuns
+from .run_database import STATES as STATES, RunDatabase as RunDatabase, open_run_database as open_run_database
+from .simulator import (
+    BLOCK as BLOCK,
+    Attained as Attained,
+    Ensemble as Ensemble,
+    Jets as Jets,
+    Kinked as Kinked,
+    March as March,
+    Noisy as Noisy,
+    Progress as Progress,
+    Reduction as Reduction,
+    S as S,
+    Samples as Samples,
+    SecondLook as SecondLook,
+    Simulator as Simulator,
+    attained_by_runs as attained_by_runs,
+    blocks as blocks,
+    checked_samples as checked_samples,
+    noise_from_runs as noise_from_runs,
+    note_attained as note_attained,
+    run_blocks as run_blocks,
+    stream as stream,
+)
+from .stored_simulator import StoredSimulator as StoredSimulator

@@ -1,0 +1,7 @@
+"""The names that other rooms use. `_doors` loads their modules when they are used."""
+
+from .joint_start import start_in_joints as start_in_joints
+from .preparation import prepare_start as prepare_start, with_gated_rows as with_gated_rows
+from .rank import independent_rows_and_columns as independent_rows_and_columns
+from .singularity import Singularity as Singularity, singularity as singularity
+from .start import Start as Start
