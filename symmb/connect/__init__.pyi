@@ -28,3 +28,4 @@ from .simulator import (
     stream as stream,
 )
 from .stored_simulator import StoredSimulator as StoredSimulator
+from .limited_calls import end_calls_of as end_calls_of

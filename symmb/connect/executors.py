@@ -17,10 +17,10 @@ from functools import partial
 from itertools import islice
 from typing import Any
 
+import symmb.connect as connect
 from symmb._cleanup import watch_parent
 from symmb._errors import DeclarationError, SimulationError, SymmbError, SymmbWarning, text_of
 from symmb._options import shown
-from symmb.connect.limited_calls import end_calls_of
 
 _TRIES = 3
 """Maximum number of attempts at a task if its worker dies: first together with other tasks, then alone."""
@@ -182,7 +182,7 @@ def _end_calls(tasks: Iterable[int]) -> None:
     """End `LimitedCalls` that run, or are about to start, in the threads of some tasks."""
     deadline = time.monotonic() + _END_SECONDS
     while (threads := [_THREADS[k] for k in [*tasks] if k in _THREADS]) and time.monotonic() < deadline:
-        end_calls_of(threads)
+        connect.end_calls_of(threads)
         time.sleep(_POLL_SECONDS)
 
 

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import cho_solve, solve_triangular
 
 from symmb._limits import windows
 from symmb._types import Array, Indices
@@ -135,6 +134,8 @@ class Corrected:
 
     def expected_error(self, places: Array) -> Array:
         """Root mean square (...) of the remaining error at places (..., d), rounded to multiples of 0.1."""
+        from scipy.linalg import solve_triangular  # this import takes longer than a study of a small scene
+
         # Neighbouring times have almost the same places. Rounded places are equal and need one solution.
         places = places.round(1)
         flat, errors = places.reshape(-1, places.shape[-1]), np.empty(places.shape[:-1])
@@ -166,6 +167,8 @@ class Corrected:
         return self._part(slice(None))
 
     def _part(self, window: slice) -> Array:
+        from scipy.linalg import cho_solve
+
         base = self.base.coefficients.reshape(len(self.base.alpha), -1)[:, window]
         factor, errors = (self._factor, True), self.errors[:, window]
         likely = self.free.T @ cho_solve(factor, errors) if self._has_few else cho_solve(factor, self.free.T @ errors)

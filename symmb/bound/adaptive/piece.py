@@ -7,10 +7,10 @@ import numpy as np
 
 from symmb._limits import windows
 from symmb._types import Array, Indices, Mask
+from symmb.bound import adaptive
 from symmb.bound.adaptive.check_points import inflated_error
 from symmb.bound.adaptive.error_estimate import SMOOTH_DECAY, TruncationError, decay_ratios, event_errors
 from symmb.bound.adaptive.runs import CHEAP_RUNS, Runs, relative_errors
-from symmb.bound.adaptive.secants import excess_beside_extremes
 from symmb.bound.nodes import Grid
 from symmb.bound.polynomials import Expansion
 from symmb.bound.polynomials.ranges import HIGHEST_DEGREE, RANGE_ERROR, attained_extremes
@@ -258,7 +258,7 @@ class Piece:
             missed = inflated_error(np.square(np.maximum(excess, 0.0)))
             for piece in pieces:
                 share = REFINED_SHARE ** (1 / len(self.half))  # for one halving of one parameter
-                beside = excess_beside_extremes(piece.nodes, piece.Y, self.runs.noise)
+                beside = adaptive.excess_beside_extremes(piece.nodes, piece.Y, self.runs.noise)
                 piece.inherited = np.maximum(np.maximum(missed, beside), share * self.errors.max(axis=0))
         return pieces
 

@@ -29,3 +29,13 @@ from .statistical import (
     rejects_of as rejects_of,
     statistics_of as statistics_of,
 )
+from .contributions import contributions_of as contributions_of
+from .probabilities import Probability as Probability
+from .probabilities import Quantiles as Quantiles
+from .probabilities import probability_of as probability_of
+from .probabilities import quantiles_of as quantiles_of
+from .probabilities import samples_of as samples_of
+from .between_times import with_peaks as with_peaks
+from .limits import closest as closest
+from .limits import joined_limits as joined_limits
+from .limits import kept_limit as kept_limit

@@ -13,12 +13,8 @@ from symmb._names import ByName
 from symmb._options import whole
 from symmb._types import Array, Mask
 from symmb._units import told_units, units_of_parameters
-from symmb.bound.answers.contributions import Contributions, contributions_of
+from symmb.bound import answers
 from symmb.bound.answers.envelope import Envelope
-from symmb.bound.answers.laws import Correlation, given_once
-from symmb.bound.answers.limits import Limits, limit_pairs
-from symmb.bound.answers.probabilities import Probability, Quantiles, probability_of, quantiles_of, samples_of
-from symmb.bound.answers.statistical import Statistics, statistics_of
 from symmb.bound.polynomials import Moments, moments
 from symmb.bound.polynomials.ranges import Piecewise
 from symmb.bound.responses import (
@@ -34,7 +30,7 @@ from symmb.bound.responses import (
     row_of,
 )
 from symmb.equations.model import Box, chosen_words, require_only_intervals
-from symmb.run.simulation import Sweep
+from symmb.run import simulation
 
 Answer = TypeVar("Answer")
 _WITHOUT_RUNS = "Taylor(", "TaylorModel(", "IntervalArithmetic("
@@ -158,7 +154,7 @@ class Answers(Envelope):
             )
         return moments(self.expansion, self.t, self.names)
 
-    def contributions(self, runs: int | None = None) -> Contributions:
+    def contributions(self, runs: int | None = None) -> "answers.Contributions":
         """The contribution of each parameter to the widths and to the variance.
 
         The polynomials of the bounds give the contributions without runs. If the method has no polynomials, a study by
@@ -181,22 +177,22 @@ class Answers(Envelope):
         """
         most = self._leave("Bounds.contributions", runs)
         if most not in self._contributions:
-            found = self._answered("Bounds.contributions", runs, contributions_of)
+            found = self._answered("Bounds.contributions", runs, answers.contributions_of)
             assert found is not None
             self._contributions[most] = found
         return self._contributions[most]
 
     @cached_property
-    def _contributions(self) -> dict[float, Contributions]:
+    def _contributions(self) -> "dict[float, answers.Contributions]":
         return {}
 
-    def _known_contributions(self) -> Contributions | None:
+    def _known_contributions(self) -> "answers.Contributions | None":
         """The contributions, or None if they require runs that have not been made."""
         if self._contributions:
             return [*self._contributions.values()][-1]
         if (not self.range_of and self.study is not None) or (self.box is not None and self.box.is_cut):
             return None
-        return contributions_of(self._responses("Bounds.contributions"), may_run=False)
+        return answers.contributions_of(self._responses("Bounds.contributions"), may_run=False)
 
     def _acting(self, box: Box, columns: Sequence[int]) -> tuple[str, ...]:
         """Names of the parameters that act on some outputs, given by their indices.
@@ -216,12 +212,12 @@ class Answers(Envelope):
         output: str,
         levels: float | Sequence[float] | Array,
         laws: Mapping[str, Any] | None = None,
-        correlation: Correlation | None = None,
+        correlation: "answers.Correlation | None" = None,
         *,
         error: float | None = None,
         distributions: Mapping[str, Any] | None = None,
         runs: int | None = None,
-    ) -> Quantiles:
+    ) -> "answers.Quantiles":
         """Quantiles of an output over time, for parameters that have distributions.
 
         A parameter without a distribution may have any value in its interval, and a different value in each sample.
@@ -256,9 +252,9 @@ class Answers(Envelope):
         PropagationError
             If runs fail.
         """
-        given = given_once("Bounds.quantiles", laws, distributions)
+        given = answers.given_once("Bounds.quantiles", laws, distributions)
         return self._answered(
-            "Bounds.quantiles", runs, lambda own: quantiles_of(own, output, levels, given, correlation, error)
+            "Bounds.quantiles", runs, lambda own: answers.quantiles_of(own, output, levels, given, correlation, error)
         )
 
     def probability(
@@ -268,11 +264,11 @@ class Answers(Envelope):
         above: float | None = None,
         below: float | None = None,
         laws: Mapping[str, Any] | None = None,
-        correlation: Correlation | None = None,
+        correlation: "answers.Correlation | None" = None,
         error: float = 0.1,
         distributions: Mapping[str, Any] | None = None,
         runs: int | None = None,
-    ) -> Probability:
+    ) -> "answers.Probability":
         """Probability that an output is above or below a value, at each time and at any time; see `quantiles`.
 
         With both values, the result is the probability that the output is above `above` or below `below`. This is the
@@ -287,14 +283,16 @@ class Answers(Envelope):
             polynomials grows until the estimated error is small enough. If more samples do not suffice, and all
             parameters have distributions, up to 1,000 runs near the limit give probabilities down to 1e-9
         """
-        given = given_once("Bounds.probability", laws, distributions)
+        given = answers.given_once("Bounds.probability", laws, distributions)
         return self._answered(
-            "Bounds.probability", runs, lambda own: probability_of(own, output, above, below, given, correlation, error)
+            "Bounds.probability",
+            runs,
+            lambda own: answers.probability_of(own, output, above, below, given, correlation, error),
         )
 
     def statistical(
-        self, limits: Limits, laws: Mapping[str, Any] | None = None, *, runs: int | None = None
-    ) -> Statistics:
+        self, limits: "answers.Limits", laws: Mapping[str, Any] | None = None, *, runs: int | None = None
+    ) -> "answers.Statistics":
         """Rejects, Cp, Cpk and root sum squares of outputs with limits, beside the worst case.
 
         A mechanism is a reject if it violates any limit at any output time. Rejects follow from the polynomials. If
@@ -328,32 +326,32 @@ class Answers(Envelope):
         >>> found.rss.round(3), found.worst.round(3), found.cpk.round(2)
         (array([0.5]), array([0.7]), array([1.22]))
         """
-        pairs = limit_pairs("Bounds.statistical", limits, self.names, self.units)
+        pairs = answers.limit_pairs("Bounds.statistical", limits, self.names, self.units)
         for name in pairs:
             if not np.isfinite([ends[:, self._column(name)] for ends in (self.lower, self.upper)]).all():
                 raise DeclarationError(f"Bounds.statistical: the bounds of {name} are infinite. Use finite outputs.")
-        return self._answered("Bounds.statistical", runs, lambda own: statistics_of(own, pairs, laws))
+        return self._answered("Bounds.statistical", runs, lambda own: answers.statistics_of(own, pairs, laws))
 
     def samples(
         self,
         n: int,
         laws: Mapping[str, Any] | None = None,
-        correlation: Correlation | None = None,
+        correlation: "answers.Correlation | None" = None,
         seed: int = 0,
         *,
         distributions: Mapping[str, Any] | None = None,
         runs: int | None = None,
-    ) -> Sweep:
+    ) -> "simulation.Sweep":
         """Responses for n random samples of parameters that all have distributions; see `quantiles`.
 
         The responses follow from the polynomials that `contributions` uses, or from runs. `runs` is the largest number
         of further runs, as in `contributions`.
         """
-        given = given_once("Bounds.samples", laws, distributions)
+        given = answers.given_once("Bounds.samples", laws, distributions)
         return self._answered(
             "Bounds.samples",
             runs,
-            lambda own: samples_of(own, n, given, correlation, seed, self.nominal_parameters),
+            lambda own: answers.samples_of(own, n, given, correlation, seed, self.nominal_parameters),
             has_error=False,
         )
 

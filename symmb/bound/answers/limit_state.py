@@ -4,7 +4,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import ndtr, ndtri
 
 from symmb._threads import one_thread
 from symmb._types import Array, Indices, Mask
@@ -124,6 +123,8 @@ def _mean_of_last(rounds: list[tuple[float, float]]) -> tuple[float, float, int]
 
 def _directions(n_l: int) -> Array:
     """Standard normal numbers (N, n_l) in all directions, far from the centre. They are near rare failures."""
+    from scipy.special import ndtr, ndtri
+
     normal = ndtri((Sobol().points(_FAR_RUNS, n_l + 1, seed=SETS_OF_SAMPLES) + 1) / 2)
     radius = _NEAREST + (_FARTHEST - _NEAREST) * ndtr(normal[:, :1])
     return radius * normal[:, 1:] / np.linalg.norm(normal[:, 1:], axis=1, keepdims=True)
@@ -206,6 +207,7 @@ def _sampled(
     process: _Margin, points_of: Normal, failed: Array, n_l: int, rng: np.random.Generator
 ) -> tuple[Array, Array, float, float]:
     """Samples (N, n_l), their weights (N,), and the probability of a positive margin with its sampling error."""
+    from scipy.special import ndtri
 
     def margin(z: Array) -> Array:
         return process.optimistic(points_of(z))

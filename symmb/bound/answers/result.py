@@ -18,20 +18,9 @@ from symmb._presentation import presentation
 from symmb._progress import shown_runs
 from symmb._table import aligned, is_timeless, over_times, span_text
 from symmb._units import headings, told_names, with_units
+from symmb.bound import answers
 from symmb.bound.answers import result_file
 from symmb.bound.answers.answers import Answers
-from symmb.bound.answers.between_times import with_peaks
-from symmb.bound.answers.limits import (
-    KeptLimit,
-    LimitCheck,
-    Limits,
-    closest,
-    joined_limits,
-    kept_limit,
-    limit_pairs,
-    other_side,
-    unit_suffix,
-)
 from symmb.bound.responses import ENDED, RULES, STALLED, USED_UP, WorstCase, failure_text
 from symmb.results import plot
 from symmb.results.files import Record, Saved, Table, attributes, entries
@@ -101,7 +90,7 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
         return {**self.__dict__, "study": None, "attaining": None, "parts": ()}
 
     @np.errstate(invalid="ignore")  # bounds and limits may be infinite
-    def check(self, limits: Limits, *, runs: int | None = None) -> LimitCheck:
+    def check(self, limits: "answers.Limits", *, runs: int | None = None) -> "answers.LimitCheck":
         """Check whether outputs satisfy limits for all parameters of the box, at all times.
 
         The check widens the bounds by their estimated error at each time. A limit is satisfied if the widened bounds
@@ -132,16 +121,18 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
         DeclarationError
             If an output is unknown, or a lower limit is above the upper limit.
         """
-        pairs = limit_pairs("Bounds.check", limits, self.names, self.units)
+        pairs = answers.limit_pairs("Bounds.check", limits, self.names, self.units)
         with shown_runs(None, "runs near limits"):
             checked, between = self._checked(pairs, runs)
         worst = self._closest_to(checked)
         told = " ".join(between)
         others = [
-            other_side(self, limit, self._side(limit)) for limit in checked if f"cases {limit.output} may" not in told
+            answers.other_side(self, limit, self._side(limit))
+            for limit in checked
+            if f"cases {limit.output} may" not in told
         ]
         remarks = (*self._about_nominal(), *filter(None, others), *between)
-        return LimitCheck(self.t, self.method, tuple(checked), self, worst, remarks)
+        return answers.LimitCheck(self.t, self.method, tuple(checked), self, worst, remarks)
 
     def why(self, output: str, time: float | None = None) -> str:
         """Where the estimated error of an output comes from, and what would reduce it, in two sentences.
@@ -179,7 +170,7 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
             return max(self.parts, key=lambda part: part.estimate[i, k]).why(output, float(self.t[i]))
         error, width = self.estimate[i, k], self.upper[i, k] - self.lower[i, k]
         of_width = f", {100 * error / width:.2g} % of the width there" if 0 < width < np.inf else ""
-        told = f"the estimated error of {output} is {error:.2g}{unit_suffix(self, k)}{of_width}"
+        told = f"the estimated error of {output} is {error:.2g}{answers.unit_suffix(self, k)}{of_width}"
         has_time = not is_timeless(self.t) and output not in self.figures
         begin = f"At t = {self.t[i]:g} s, {told}" if has_time else "T" + told[1:]
         if self.trace is None:
@@ -190,16 +181,18 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
             remedy = ENDED if any(USED_UP in remark for remark in self.remarks) else STALLED
         return f"{begin}: {rule.cause[0].lower()}{rule.cause[1:]} {remedy}"
 
-    def _checked(self, pairs: Mapping[str, tuple[float, float]], runs: int | None) -> tuple[list[KeptLimit], list[str]]:
+    def _checked(
+        self, pairs: Mapping[str, tuple[float, float]], runs: int | None
+    ) -> "tuple[list[answers.KeptLimit], list[str]]":
         """The results of limits, and remarks. With choices, the worst combination decides each limit."""
         if not self.parts:
             allowed = nullcontext() if self.study is None else self.study.allowing(self._leave("Bounds.check", runs))
             with allowed:
-                limits = [kept_limit(self, name, *ends) for name, ends in pairs.items()]
-            return with_peaks(self, limits)
+                limits = [answers.kept_limit(self, name, *ends) for name, ends in pairs.items()]
+            return answers.with_peaks(self, limits)
         found = [part._checked(pairs, runs) for part in self.parts]
         remarks = [remark for _, own in found for remark in own]
-        return joined_limits(self, [limits for limits, _ in found]), [*dict.fromkeys(remarks)]
+        return answers.joined_limits(self, [limits for limits, _ in found]), [*dict.fromkeys(remarks)]
 
     def _about_nominal(self) -> tuple[str, ...]:
         """A remark if the box does not contain the nominal values."""
@@ -208,12 +201,12 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
         text = f"The nominal values ({listed}) are outside of the box. The check does not include the nominal run."
         return (text,) if values else ()
 
-    def _closest_to(self, limits: Sequence[KeptLimit]) -> WorstCase | None:
+    def _closest_to(self, limits: "Sequence[answers.KeptLimit]") -> WorstCase | None:
         """The run that comes closest to one of the limits; None if no runs are known.
 
         Limits are the same at all times. The run is thus a worst case over all times. Files contain these worst cases.
         """
-        limit = closest(limits)
+        limit = answers.closest(limits)
         i, k, side = limit.row, self._column(limit.output), self._side(limit)
         if self.attaining is None:
             return next((case for case in self.worst_cases if (case.output, case.side) == (limit.output, side)), None)
@@ -228,7 +221,7 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
         return replace(case, value=case.attained) if np.isfinite(further.error) else case
 
     @np.errstate(invalid="ignore")  # bounds and limits may be infinite
-    def _side(self, limit: KeptLimit) -> str:
+    def _side(self, limit: "answers.KeptLimit") -> str:
         """The side of a limit that is closest to the bounds or to a further run."""
         i, k = limit.row, self._column(limit.output)
         nearest = "lower" if self.lower[i, k] - limit.low < limit.high - self.upper[i, k] else "upper"
@@ -310,7 +303,7 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
         figure = self._figure(columns, plot.Style("Bounds.plot", ax, **look), deviation)
         return plot.finish(figure, "Bounds.plot", path, ax, figsize, title)
 
-    def report(self, path: str | Path, limits: Limits | None = None, **block: object) -> None:
+    def report(self, path: str | Path, limits: "answers.Limits | None" = None, **block: object) -> None:
         """Write a report: one .html file that can be opened offline and printed.
 
         The report first states whether limits are satisfied. The report then states which tolerance to tighten, and by
@@ -344,7 +337,7 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
         """
         presentation("write_bounds")(self, path, limits, block)
 
-    def live(self, path: str | Path | None = None, limits: Limits | None = None) -> Any:
+    def live(self, path: str | Path | None = None, limits: "answers.Limits | None" = None) -> Any:
         """Write the live page of the scene with the box of these bounds, as ``mb.live``.
 
         Bounds without a scene, of other simulators or from a file, have a page of their polynomials instead. Its values

@@ -5,7 +5,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from scipy.special import ndtr, ndtri
 
 from symmb import _html as html
 from symmb._errors import DeclarationError
@@ -37,13 +36,18 @@ class NormalWithin:
     radius: float
 
     def cdf(self, x: Array) -> Array:
+        from scipy.special import ndtr
+
         return np.clip((ndtr(3 * (x - self.centre) / self.radius) - _BELOW) / (1 - 2 * _BELOW), 0.0, 1.0)
 
     def ppf(self, q: Array) -> Array:
+        from scipy.special import ndtri
+
         return self.centre + self.radius / 3 * ndtri(_BELOW + q * (1 - 2 * _BELOW))
 
 
-_BELOW = float(ndtr(-3.0))
+_BELOW = 0.0013498980316300933
+"""Probability of a value more than three standard deviations below the mean, scipy.special.ndtr(-3)."""
 _OF_LIMITS = entry(Record.with_nan, "limits")
 LimitPairs = Mapping[str, tuple[float, float]]
 

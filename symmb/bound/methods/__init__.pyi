@@ -6,3 +6,4 @@ from .optimization import Optimization as Optimization
 from .polynomial_chaos import PolynomialChaos as PolynomialChaos
 from .registry import METHODS as METHODS, method_of as method_of, read_method as read_method
 from .sampling import MonteCarlo as MonteCarlo, Scanning as Scanning, Vertex as Vertex
+from .recorded import recorded_bounds as recorded_bounds

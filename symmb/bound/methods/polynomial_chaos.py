@@ -16,14 +16,15 @@ from symmb._options import (
     require_whole,
 )
 from symmb._types import Array, Executor, Mask
-from symmb.bound.adaptive import STUDIES, Studies, adaptive_bounds
+from symmb.bound import methods
+from symmb.bound import nodes as fits
+from symmb.bound.adaptive import Studies, adaptive_bounds, studies
 from symmb.bound.answers import Bounds, Kind
 from symmb.bound.methods.method import Method, OfConstraints
-from symmb.bound.methods.recorded import recorded_bounds
 from symmb.bound.methods.sampling import sampled
-from symmb.bound.nodes import ClenshawCurtis, Fit, Gauss, Nodes
-from symmb.bound.polynomials import Basis, Expansion, TensorDegree, TotalDegree
-from symmb.bound.polynomials.ranges import Exact, LegendreInclusion, Piecewise, Range, last_terms
+from symmb.bound.nodes import ClenshawCurtis, Gauss, Nodes
+from symmb.bound.polynomials import Basis, Expansion, TensorDegree, TotalDegree, ranges
+from symmb.bound.polynomials.ranges import Exact, Piecewise, Range, last_terms
 from symmb.bound.responses import (
     Failure,
     RunsOverBox,
@@ -146,7 +147,7 @@ class PolynomialChaos(Method):
     @classmethod
     def paper(cls, order: int = 2, *, nodes: Nodes = _GAUSS, lockstep: bool = False) -> "PolynomialChaos":
         """The paper's method: Gauss nodes or a SparseGrid, total degree, projection, Legendre inclusion."""
-        return cls(order, nodes, TotalDegree(), LegendreInclusion(), lockstep=lockstep)
+        return cls(order, nodes, TotalDegree(), ranges.LegendreInclusion(), lockstep=lockstep)
 
     @property
     def studies(self) -> Studies:
@@ -160,7 +161,7 @@ class PolynomialChaos(Method):
         """
         if self.order is not None:
             raise DeclarationError(f"{self!r} has one grid. PolynomialChaos() without order is a row of small studies.")
-        return STUDIES
+        return studies()
 
     def planned_runs(self, d: int) -> int | None:
         return None if self.order is None else getattr(self.nodes, "size", lambda *_: None)(d, self.order)
@@ -169,7 +170,7 @@ class PolynomialChaos(Method):
         simulator, box, executor, progress = runs.simulator, runs.box, runs.executor, runs.progress
         if isinstance(simulator, RecordedRuns) and self == PolynomialChaos():
             require_only_intervals(repr(simulator), box)
-            return recorded_bounds(repr(self), simulator, box)
+            return methods.recorded_bounds(repr(self), simulator, box)
         if self.order is None and not box.radius.any():
             bounds = sampled(self, np.zeros((1, len(box))), runs)
             noise = noise_from_runs(simulator)
@@ -181,7 +182,7 @@ class PolynomialChaos(Method):
             return adaptive_bounds(
                 repr(self), self.tolerance, self.budget, self.seconds, self.probes, simulator, box, executor, progress
             )
-        fit = Fit.of(self.nodes, self.basis, len(box), self.order)
+        fit = fits.Fit.of(self.nodes, self.basis, len(box), self.order)
         values = len(fit.alpha) + (2 * len(fit.nodes) if fit.line is not None and not self.lockstep else 0)
         outputs = len(simulator.times) * len(simulator.outputs)
         require_memory(self, "the values at nodes and the coefficients", values * outputs)
@@ -216,7 +217,13 @@ class PolynomialChaos(Method):
             return np.ldexp(lower, power), np.ldexp(upper, power)
 
     def _streamed(
-        self, fit: Fit, P: Array, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None
+        self,
+        fit: "fits.Fit",
+        P: Array,
+        simulator: Simulator,
+        box: Box,
+        executor: Executor | None,
+        progress: Progress | None,
     ) -> _Responses:
         runs = node_values() if fit.line is not None else projection(fit.functionals, simulator)
         reduction = together(runs, extremes(simulator), failures())
@@ -228,7 +235,9 @@ class PolynomialChaos(Method):
             return fit.coefficients(state, ok), inner[:2], ok, failed
         return fit.transform(*(values for _, values in state)), inner[:2], ok, failed
 
-    def _marched(self, fit: Fit, P: Array, simulator: Simulator, box: Box, progress: Progress | None) -> _Responses:
+    def _marched(
+        self, fit: "fits.Fit", P: Array, simulator: Simulator, box: Box, progress: Progress | None
+    ) -> _Responses:
         if not isinstance(simulator, March):
             raise PropagationError(
                 f"{self!r}: with lockstep=True, all samples must advance together in time, but {simulator!r} runs "
@@ -253,7 +262,7 @@ class PolynomialChaos(Method):
                 progress(i + 1, n_t)
         return coefficients.reshape(len(coefficients), -1), (inner_lower, inner_upper), ok, failed
 
-    def _require_determined(self, fit: Fit, ok: Mask, failed: tuple[Failure, ...]) -> None:
+    def _require_determined(self, fit: "fits.Fit", ok: Mask, failed: tuple[Failure, ...]) -> None:
         if not fit.determined(ok):
             raise PropagationError(
                 f"{self!r}: {len(failed)} of {len(ok)} nodes failed, and the other nodes do not determine "
@@ -262,7 +271,7 @@ class PolynomialChaos(Method):
 
     def __repr__(self) -> str:
         order = "" if self.order is None else f"order={self.order}"
-        if self.basis == TotalDegree() and self.range == LegendreInclusion() and self.nodes != _CLENSHAW_CURTIS:
+        if self.basis == TotalDegree() and self.range == ranges.LegendreInclusion() and self.nodes != _CLENSHAW_CURTIS:
             options = [order]
             if self.nodes != _GAUSS:
                 options.append(f"nodes={self.nodes!r}")

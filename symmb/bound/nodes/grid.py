@@ -13,8 +13,9 @@ from functools import cache, cached_property
 import numpy as np
 
 from symmb._types import Array, Indices
+from symmb.bound import polynomials
 from symmb.bound.nodes.tensor_fit import Tensor, interpolants, packed
-from symmb.bound.polynomials import Index, MultiIndices, below, legendre_to_chebyshev, with_lower
+from symmb.bound.polynomials import Index, MultiIndices, below, with_lower
 from symmb.run.codegen import Tables
 
 
@@ -85,7 +86,7 @@ class Grid:
 
     def tables(self) -> Tables:
         """The Tensors of c/tensor_fit.h, from values at the nodes to Chebyshev coefficients."""
-        fits = {id(A): legendre_to_chebyshev(len(A) - 1) @ A for _, axes, _ in self._tensors for A in axes}
+        fits = {id(A): polynomials.legendre_to_chebyshev(len(A) - 1) @ A for _, axes, _ in self._tensors for A in axes}
         basis = packed([(rows, [fits[id(A)] for A in axes], sign) for rows, axes, sign in self._tensors], len(self.row))
         return basis, basis.arrays
 

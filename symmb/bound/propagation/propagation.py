@@ -9,8 +9,9 @@ from symmb._names import ByName
 from symmb._progress import shown_runs
 from symmb._types import Executor
 from symmb._units import units_of_parameters
+from symmb.bound import methods
 from symmb.bound.answers import Bounds
-from symmb.bound.methods import Method, PolynomialChaos, method_of
+from symmb.bound.methods import Method, PolynomialChaos
 from symmb.bound.propagation.doubts import doubts_of_checks, doubts_of_runs, far_intervals, with_doubts
 from symmb.bound.propagation.study import Study
 from symmb.bound.reductions import bounded, over_parts
@@ -70,7 +71,7 @@ def propagate(
     >>> result.upper[:, 0].round(3)
     array([1.   , 0.607])
     """
-    method = PolynomialChaos() if method is None else method_of("propagate", method)
+    method = PolynomialChaos() if method is None else methods.method_of("propagate", method)
     with shown_runs(progress, repr(method), method.unit_of_work) as progress:
         simulator, box = Subject.of(scene_or_simulator, solver, device=device).over(box)
         if isinstance(simulator, RecordedRuns) and method != PolynomialChaos():

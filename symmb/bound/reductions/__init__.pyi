@@ -2,3 +2,5 @@
 
 from .chain import bounded as bounded
 from .choices import over_parts as over_parts
+from .hull import distance as distance
+from .hull import hull_of as hull_of

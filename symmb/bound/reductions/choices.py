@@ -6,9 +6,9 @@ from dataclasses import replace
 from symmb._doubt import Doubt, concerned
 from symmb._errors import PropagationError
 from symmb._names import counted
+from symmb.bound import reductions
 from symmb.bound.answers import Bounds
 from symmb.bound.methods import Method
-from symmb.bound.reductions.hull import hull_of
 from symmb.bound.reductions.reduction import Reduced, Reduction
 from symmb.bound.responses import first_points
 from symmb.equations.model import Box
@@ -63,7 +63,7 @@ def joined(box: Box, parts: Sequence[Bounds], lost: Mapping[str, str]) -> Bounds
     # Recorded runs are the same runs for all combinations.
     own = parts if parts[0].next_run is None else parts[:1]
     return replace(
-        hull_of(parts),
+        reductions.hull_of(parts),
         trace=None,  # each part has its own
         evaluations=sum(part.evaluations for part in own),
         failed=tuple(run for part in own for run in part.failed),

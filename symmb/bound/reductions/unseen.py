@@ -19,13 +19,12 @@ from symmb._magnitudes import SAME
 from symmb._names import counted
 from symmb._types import Array
 from symmb._units import typeset
+from symmb.bound import nodes, reductions, searches
 from symmb.bound.answers import Bounds
 from symmb.bound.methods import Method, PolynomialChaos, bounds_of
-from symmb.bound.nodes import Sobol
 from symmb.bound.polynomials import TotalDegree, basis_values
 from symmb.bound.polynomials.ranges import attained_extremes
 from symmb.bound.reductions.absences import bounds_with_absences, with_never
-from symmb.bound.reductions.hull import distance, hull_of
 from symmb.bound.responses import (
     DOUBTFUL,
     FINE,
@@ -34,7 +33,6 @@ from symmb.bound.responses import (
     parameter_samples,
     with_tolerance_remark,
 )
-from symmb.bound.searches import direct_search
 from symmb.connect import Ensemble, Simulator, note_attained, run_blocks
 from symmb.declare.symbolic import batch
 from symmb.equations.model import Box
@@ -134,13 +132,15 @@ def _of_events(seen: Bounds, found: Bounds, simulator: Simulator) -> Bounds:
 def _joined(parts: list[Bounds], remarks: list[str], tolerance: float) -> Bounds:
     """The bounds over the whole box, from its study, from further runs, and from studies of parts of the box."""
     whole, _, *others = parts
-    studies = hull_of([whole, *others])
+    studies = reductions.hull_of([whole, *others])
     doubts = dict.fromkeys(doubt for part in parts for doubt in part.run_doubts)
-    result = replace(hull_of(parts), run_doubts=tuple(doubts), remarks=(*whole.remarks, *remarks))
+    result = replace(reductions.hull_of(parts), run_doubts=tuple(doubts), remarks=(*whole.remarks, *remarks))
     if result.estimate is not None:  # runs of the search beyond the studies show an error of these
-        beyond = np.maximum(distance(studies.lower, result.lower), distance(result.upper, studies.upper))
+        beyond = np.maximum(
+            reductions.distance(studies.lower, result.lower), reductions.distance(result.upper, studies.upper)
+        )
         beyond = np.where(np.isfinite(beyond), beyond, 0.0)
-        error, width = np.maximum(result.estimate, beyond), distance(result.upper, result.lower)
+        error, width = np.maximum(result.estimate, beyond), reductions.distance(result.upper, result.lower)
         trace = result.trace and result.trace.decided(beyond > result.estimate, "beyond")
         result = replace(result, estimate=error, trace=trace)
         told = with_tolerance_remark(result.remarks, result.names, tolerance, error, width)
@@ -152,9 +152,9 @@ def _joined(parts: list[Bounds], remarks: list[str], tolerance: float) -> Bounds
     if whole.surrogate is None:
         return result
     # The polynomials do not know the parts. If these change the bounds, the polynomials have no known error.
-    off = np.maximum(distance(whole.lower, result.lower), distance(result.upper, whole.upper))
+    off = np.maximum(reductions.distance(whole.lower, result.lower), reductions.distance(result.upper, whole.upper))
     off[np.isnan(off)] = np.inf  # the first study has no run with a value
-    is_new = off > FINE * distance(result.upper, result.lower)
+    is_new = off > FINE * reductions.distance(result.upper, result.lower)
     surrogate = whole.surrogate.changed(
         lambda own: own, np.where(is_new, np.inf, np.maximum(whole.surrogate.error, off))
     )
@@ -199,11 +199,13 @@ class _Search:
                 return self._nearness(X, of_runs, most)
 
             if of_places is None:
-                best = direct_search(nearness, starts, int(_FINDING * left), -np.finfo(float).tiny)
+                best = searches.direct_search(nearness, starts, int(_FINDING * left), -np.finfo(float).tiny)
                 if best.value < 0:
                     continue
                 if most > self._runs.evaluations:
-                    best = direct_search(nearness, best.place[None], most - self._runs.evaluations - self._runs_around)
+                    best = searches.direct_search(
+                        nearness, best.place[None], most - self._runs.evaluations - self._runs_around
+                    )
                 place = best.place
             else:
                 place = starts[0]
@@ -213,7 +215,7 @@ class _Search:
             axes = np.concatenate([np.eye(len(place)), -np.eye(len(place))])
             nearness(np.clip(place + (_RAYS[:, None, None] * axes).reshape(-1, len(place)), -1.0, 1.0))
             low, high = _around(self._acting(), _WIDER)
-            nearness(low + (Sobol().points(_SPREAD, len(low), seed=0) + 1) / 2 * (high - low))
+            nearness(low + (nodes.Sobol().points(_SPREAD, len(low), seed=0) + 1) / 2 * (high - low))
             self._reached.append(self._acting())
         return self._ends[0], self._ends[1], np.zeros(self._runs.shape)
 
@@ -260,9 +262,9 @@ class _Search:
 
     def _met_without_runs(self, nearness: Callable[[Array], Array], starts: Array) -> Array:
         """Places (n, d) where an element that parameters alone decide acts: the best one, and some others."""
-        candidates = np.vstack([starts, Sobol().points(_LOOKS, starts.shape[1], seed=0)])
+        candidates = np.vstack([starts, nodes.Sobol().points(_LOOKS, starts.shape[1], seed=0)])
         values = nearness(candidates)
-        best = direct_search(nearness, candidates[np.argsort(-values, kind="stable")[:_STARTS]], _LOOKS)
+        best = searches.direct_search(nearness, candidates[np.argsort(-values, kind="stable")[:_STARTS]], _LOOKS)
         return np.vstack([best.place, candidates[values >= 0][:_SPREAD]])[: _SPREAD * (best.value >= 0)]
 
     def _samples(self, X: Array) -> Array:

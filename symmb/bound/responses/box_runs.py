@@ -9,7 +9,8 @@ from symmb.bound.responses.failures import Failure
 from symmb.bound.responses.streams import extremes, failure_records, failures, node_values, together
 from symmb.connect import Jets, Progress, Simulator
 from symmb.equations.model import Box
-from symmb.run.simulation import HIGHEST_OF_DIFFERENCES, differences, has_exact_jets
+from symmb.run import simulation
+from symmb.run.simulation import has_exact_jets
 
 
 class RunsOverBox:
@@ -112,8 +113,8 @@ class RunsOverBox:
             )
         scaled = np.zeros((len(directions), len(simulator.parameters)))
         scaled[:, parameter_columns(simulator, self.box)] = directions
-        if p0.ndim == 1 and order <= HIGHEST_OF_DIFFERENCES and not has_exact_jets(simulator, p0):
-            return differences(simulator, p0, scaled, order)[0]
+        if p0.ndim == 1 and order <= simulation.HIGHEST_OF_DIFFERENCES and not has_exact_jets(simulator, p0):
+            return simulation.differences(simulator, p0, scaled, order)[0]
         jets = np.asarray(simulator.jets(p0, scaled, order), dtype=float)
         if not np.isfinite(jets).all():
             raise PropagationError(f"{self._owner}: {simulator!r} gives derivatives that are not finite.")

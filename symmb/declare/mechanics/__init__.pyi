@@ -83,3 +83,4 @@ from .shape_contact import (
     SphereContact as SphereContact,
 )
 from .state import Input as Input, OwnState as OwnState, Sampled as Sampled, State as State, States as States
+from .mesh_file import read_mesh as read_mesh

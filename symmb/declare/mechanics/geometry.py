@@ -11,7 +11,7 @@ import numpy as np
 from symmb._errors import DeclarationError
 from symmb._options import is_real, require_instance, shown
 from symmb._types import Array, Expr
-from symmb.declare.mechanics.mesh_file import read_mesh
+from symmb.declare import mechanics
 from symmb.declare.mechanics.rotation import Rotation
 from symmb.declare.symbolic import components, has_irregular_constant, is_zero, scalar, triad, vector
 
@@ -218,7 +218,7 @@ class Mesh(Geometry):
     @property
     def triangles(self) -> Array:
         """Corners of the triangles of the file, (m, 3, 3)."""
-        return read_mesh(Path(self.path))
+        return mechanics.read_mesh(Path(self.path))
 
 
 def shapes_of(owner: str, shapes: Any) -> tuple[Geometry, ...]:

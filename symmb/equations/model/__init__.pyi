@@ -21,3 +21,13 @@ from .tolerance_list import share_of as share_of
 from .units import units_of as units_of
 from .unused_parameters import unused_parameters as unused_parameters, with_some_outputs as with_some_outputs
 from .validation import left_out as left_out
+from .c_export import example_c as example_c
+from .c_export import save_c as save_c
+from .contact_equations import ContactEquations as ContactEquations
+from .summary import system_text as system_text
+from .multipliers import reaction as reaction
+from .multipliers import Reaction as Reaction
+from .restart import restart_of as restart_of
+from .restart import Restart as Restart
+from .restart import EndedRun as EndedRun
+from .figures import bound_figure as bound_figure

@@ -12,7 +12,7 @@ from symmb._interrupts import kept_interrupts
 from symmb._options import require_instance, require_numbers, whole
 from symmb._units import units_of_parameters
 from symmb.declare.symbolic import least_multipliers, shared, t, vanishing_rows
-from symmb.equations.model.contact_equations import ContactEquations
+from symmb.equations import model
 from symmb.equations.model.dae import DAE
 from symmb.equations.model.lazy import Lazy
 from symmb.equations.model.sampling import sampling_of
@@ -72,7 +72,7 @@ def compile_dae(system: System, rows: Sequence[int] | None = None, nullities: tu
     displacement = ca.SX.sym("delta", reduced.v.numel())
     moved = reduced.retract(displacement)
     retract = ca.Function("retract", [reduced.q, displacement], [moved], ["q", "delta"], ["q_new"])
-    contacts = ContactEquations(reduced) if c.impacts or c.joint_events else None
+    contacts = model.ContactEquations(reduced) if c.impacts or c.joint_events else None
     functions: dict[str, ca.Function | None] = dict.fromkeys(("Phi", "Phi_dot", "G"))
     functions |= _functions(reduced, _rows(reduced))
     for name, values in (
@@ -113,7 +113,7 @@ def _rows(system: System) -> dict[str, Outputs]:
 
 
 def _equations(
-    system: System, contacts: ContactEquations | None, whole: tuple[System, tuple[int, int]] | None
+    system: System, contacts: "model.ContactEquations | None", whole: tuple[System, tuple[int, int]] | None
 ) -> dict[str, Lazy[ca.Function]]:
     """The Functions of the equations of motion of the scene, by name.
 

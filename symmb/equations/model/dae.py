@@ -14,9 +14,8 @@ from symmb._interrupts import kept_interrupts
 from symmb._options import require_instance, shown
 from symmb._types import Array, Indices
 from symmb.declare.symbolic import Branches
+from symmb.equations import model
 from symmb.equations.model.assembly import is_linear
-from symmb.equations.model.c_export import example_c, save_c
-from symmb.equations.model.contact_equations import Impacts
 from symmb.equations.model.lazy import Lazy, known
 from symmb.equations.model.sampling import Sampling
 from symmb.equations.model.scales import Scales
@@ -63,7 +62,7 @@ class DAE:
     s_start: ca.Function | None  # (q, p) -> start of the first-order states
     positive: ca.Function  # p -> masses and other numbers that must be above 0, named by `positive_names`
     positive_names: tuple[str, ...]
-    impacts: Impacts | None = None  # gaps that close, and velocities that jump then
+    impacts: "model.Impacts | None" = None  # gaps that close, and velocities that jump then
     measured: Lazy[Scales] = field(default_factory=lambda: known(Scales()))
     s_rest: Array | None = None  # (n_s,), states at the start of the count of turns of angles; None: zeros
     sampling: Sampling | None = None  # values that are held between instants
@@ -229,7 +228,7 @@ class DAE:
         if self.sampling is not None:
             functions |= {f.name(): f for f in self.sampling.laws}
         if self.impacts is not None or self.sampling is not None:
-            return save_c(functions, folder)
+            return model.save_c(functions, folder)
         begin = {"q": self.q_neutral, "v": np.zeros(self.n_v), "s": np.zeros(self.n_s), "p": self.p_nominal}
         require_instance("save_c: start", {} if start is None else start, Mapping, 'values such as {"q": [...]}')
         try:
@@ -237,7 +236,7 @@ class DAE:
         except (TypeError, ValueError):
             raise DeclarationError(f"save_c: the values in start must be numbers, got {shown(start)}.") from None
         times = np.asarray(begin.pop("times", (0.0, 1.0)))
-        main = example_c(
+        main = model.example_c(
             self.rhs,
             q=begin["q"],
             v=begin["v"],
@@ -248,4 +247,4 @@ class DAE:
             t1=float(times[-1]),
             steps=max(len(times) - 1, 100),
         )
-        return save_c(functions, folder, example=main)
+        return model.save_c(functions, folder, example=main)

@@ -8,8 +8,9 @@ from typing import Any
 
 from symmb import _html as html
 from symmb._options import require_names
+from symmb.declare import symbolic
 from symmb.declare.mechanics import with_si_symbols
-from symmb.declare.symbolic import is_zero, plain, printer, set_names, simplified, to_sympy, typeset, with_names
+from symmb.declare.symbolic import is_zero
 
 _WIDTH = 94
 """Maximum width of a printed matrix. For wider matrices, the nonzero entries are listed."""
@@ -36,7 +37,10 @@ class Equations:
     @property
     def text(self) -> str:
         """The equations as lines of text."""
-        pretty, parts = printer(set_names(self.symbols, plain), "pretty"), [_plain(self.motion)]
+        pretty, parts = (
+            symbolic.printer(symbolic.set_names(self.symbols, symbolic.plain), "pretty"),
+            [_plain(self.motion)],
+        )
         for name, lines in self._parts("str"):
             if lines is None:
                 form = pretty.form(self.matrices[name])
@@ -48,7 +52,10 @@ class Equations:
     @property
     def displays(self) -> dict[str, str]:
         """The equations in LaTeX, with a display for each paragraph."""
-        tex, displays = printer(set_names(self.symbols, typeset), "latex").doprint, {"motion": self.motion}
+        tex, displays = (
+            symbolic.printer(symbolic.set_names(self.symbols, symbolic.typeset), "latex").doprint,
+            {"motion": self.motion},
+        )
         for name, lines in self._parts("latex"):
             displays[name] = f"{_label(name)} = {tex(self.matrices[name])}" if lines is None else _aligned(lines)
         return {name: display for name, display in displays.items() if display}
@@ -56,8 +63,11 @@ class Equations:
     def _parts(self, kind: str) -> Iterator[tuple[str, list[str] | None]]:
         """The lines of each paragraph by name, as text or in LaTeX; None for a part that is printed as a matrix."""
         is_text = kind == "str"
-        names, sign = set_names(self.symbols, plain if is_text else typeset), "=" if is_text else "&="
-        line, said = printer(names, kind).doprint, _plain if is_text else str
+        names, sign = (
+            symbolic.set_names(self.symbols, symbolic.plain if is_text else symbolic.typeset),
+            "=" if is_text else "&=",
+        )
+        line, said = symbolic.printer(names, kind).doprint, _plain if is_text else str
         yield "vectors", [f"{said(v)} {sign} ({', '.join(names[n] for n in of)})" for v, of in self.vectors.items()]
         for name in self.matrices:
             label, entries = said(_label(name)), self._entries(name) if name in self.wide else ()
@@ -155,9 +165,9 @@ def equations_of(system: Any) -> Equations:
     parts, matrices = _parts_of(system, system.parts)
     # Long entries are easier to read if common subexpressions have names.
     long = [name for name, m in matrices.items() if m is None or max(e.count_ops() for e in m) > 60]
-    shared, named = with_names([parts[name] for name in long], *of) if long else ({}, [])
+    shared, named = symbolic.with_names([parts[name] for name in long], *of) if long else ({}, [])
     matrices |= dict(zip(long, named, strict=True))
-    pretty = printer(set_names([*symbols], plain), "pretty")
+    pretty = symbolic.printer(symbolic.set_names([*symbols], symbolic.plain), "pretty")
     fits = [name for name, m in matrices.items() if name not in long and 3 * m.cols < _WIDTH]
     narrow = {name for name in fits if pretty.form(matrices[name]).width() + len("Phi_q = ") <= _WIDTH}
     Phi, Psi = rows[:n_c], rows[n_c:]
@@ -177,14 +187,14 @@ def matrices_of(system: Any, names: Sequence[str]) -> dict[str, Any]:
     """Parts of a System as SymPy matrices by name, simplified if this takes few operations."""
     symbols, (parts, matrices) = system.names, _parts_of(system, names)
     of = [*symbols.values()], [*symbols]
-    return {name: to_sympy(parts[name], *of) if m is None else m for name, m in matrices.items()}
+    return {name: symbolic.to_sympy(parts[name], *of) if m is None else m for name, m in matrices.items()}
 
 
 def _parts_of(system: Any, names: Sequence[str]) -> tuple[dict[str, Any], dict[str, Any]]:
     """Parts of a System by name as expressions in SI units, and their short forms (None without a short form)."""
     symbols = system.names
     parts = {name: with_si_symbols(system.parameters, getattr(system, name)) for name in names}
-    return parts, {name: simplified(part, [*symbols.values()], [*symbols]) for name, part in parts.items()}
+    return parts, {name: symbolic.simplified(part, [*symbols.values()], [*symbols]) for name, part in parts.items()}
 
 
 def _motion(is_rate: bool, has_rows: bool, has_psi: bool) -> str:

@@ -19,10 +19,10 @@ from symmb._types import Array, Expr
 from symmb._units import dimensions, label, numbers_in, ratio_of, scaled, unit_of, units_of_parameters
 from symmb.declare.mechanics import AxisJoint, Figure, Flywheel, Link
 from symmb.declare.symbolic import reduction, t
+from symmb.equations import model
 from symmb.equations.model.box import Box
 from symmb.equations.model.choices import hint
-from symmb.equations.model.figures import BoundFigure, bound_figure
-from symmb.equations.model.restart import EndedRun, Restart, restart_of
+from symmb.equations.model.figures import BoundFigure
 from symmb.equations.model.start_values import Prescribed, listed_values, with_modes
 from symmb.equations.model.system import System
 from symmb.equations.model.units import units_of
@@ -101,14 +101,14 @@ class Scene:
     name: str = "scene"
     equilibrium: bool = False
     coordinates: Literal["joint", "body"] | None = None
-    restart: Restart | None = None
+    restart: "model.Restart | None" = None
 
     @kept_interrupts()
     def __post_init__(self) -> None:
         require_instance("Scene", self.system, System, "a System")
         require_truth("Scene", "equilibrium", self.equilibrium)
         if self.restart is not None:
-            require_instance("Scene: restart", self.restart, Restart, "what starting_at gives")
+            require_instance("Scene: restart", self.restart, model.Restart, "what starting_at gives")
         for named in ("start", "outputs", "guess"):
             object.__setattr__(self, named, normal_keys(f"Scene: {named}", getattr(self, named)))
         if isinstance(self.times, list | tuple):
@@ -266,7 +266,7 @@ class Scene:
         for name, (output, unit) in self.asked.items():
             if isinstance(output, Figure):
                 with faults.noted():
-                    own = bound_figure(output, f"output {name!r}", self.expression, np.asarray(self.times))
+                    own = model.bound_figure(output, f"output {name!r}", self.expression, np.asarray(self.times))
                     if unit and own.kind in ("psd", "probability"):
                         faults.append(f"output {name!r}: {own.kind} accepts no unit. Scale the expression instead.")
                     ratio, y = unit_of(f"output {name!r}", unit), own.expression
@@ -391,7 +391,7 @@ class Scene:
         return replace(self, system=self.system.with_elements((), self.system.parameters.with_inputs(symbols)))
 
     @kept_interrupts()
-    def starting_at(self, run: EndedRun) -> "Scene":
+    def starting_at(self, run: "model.EndedRun") -> "Scene":
         """A copy that continues a run. The parameters of the run become the nominal parameters.
 
         Positions, velocities, states, turns of angles, held values and closed contacts are taken from the end of the
@@ -417,7 +417,7 @@ class Scene:
         >>> longer.times.tolist(), float(mb.simulate(longer)["ball.y"][-1].round(6))
         ([1.0, 2.0], -19.62)
         """
-        end, times = restart_of(self.system, run), np.asarray(self.times)
+        end, times = model.restart_of(self.system, run), np.asarray(self.times)
         times = end.time + (times - times[0])
         system = self.system.with_elements((), self.system.parameters.with_nominal(run.parameters))
         return replace(self, system=system, start={}, guess={}, equilibrium=False, times=times, restart=end)

@@ -25,13 +25,13 @@ from symmb._options import require_instance, require_name
 from symmb._types import Expr
 from symmb.declare.mechanics import Body, Element, FilledByBlock, Ground, Input, Joint, Parameters, States, mark_as_used
 from symmb.declare.symbolic import Symbol, rate, reduction, saddle_solver, t
+from symmb.equations import model
 from symmb.equations.model.assembly import Collected, collect
 from symmb.equations.model.binding import Binding
 from symmb.equations.model.box import Box
 from symmb.equations.model.equations_text import ReadEquations
 from symmb.equations.model.joint_space import JointSpace
-from symmb.equations.model.multipliers import Multipliers, Reaction, reaction
-from symmb.equations.model.summary import system_text
+from symmb.equations.model.multipliers import Multipliers
 from symmb.equations.model.validation import sign_faults
 
 _DECLARED = "elements", "parameters", "collected", "nullity", "_added", "_joints", "_is_driven"
@@ -355,7 +355,7 @@ class System(FilledByBlock, ReadEquations):
         return of_forces + ca.dot(ca.SX(self.lam), at_rest)
 
     @kept_interrupts()
-    def reaction(self, name: str) -> Reaction:
+    def reaction(self, name: str) -> "model.Reaction":
         """Force [N] and torque [N m] of a joint on its second body, at the joint's point, in world axes.
 
         Raises
@@ -363,7 +363,7 @@ class System(FilledByBlock, ReadEquations):
         DeclarationError
             If there is no joint with this name between two bodies
         """
-        return reaction([e for e in self.elements if isinstance(e, Joint)], name, self.Phi, self.lam)
+        return model.reaction([e for e in self.elements if isinstance(e, Joint)], name, self.Phi, self.lam)
 
     def force(self, name: str) -> ca.SX:
         """Force of the element with this name [N, N m], such as the tension of a spring or the torque of a motor.
@@ -402,7 +402,7 @@ class System(FilledByBlock, ReadEquations):
         return dict(zip(names, symbols, strict=True)) | inputs
 
     def __repr__(self) -> str:
-        return system_text(self, self._joints)
+        return model.system_text(self, self._joints)
 
 
 def _restored(

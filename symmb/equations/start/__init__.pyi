@@ -5,3 +5,8 @@ from .preparation import prepare_start as prepare_start, with_gated_rows as with
 from .rank import independent_rows_and_columns as independent_rows_and_columns
 from .singularity import Singularity as Singularity, singularity as singularity
 from .start import Start as Start
+from .advice import advice as advice
+from .advice import reminder as reminder
+from .equilibrium import is_stable as is_stable
+from .equilibrium import find_equilibrium as find_equilibrium
+from .equilibrium import imbalance as imbalance

@@ -7,8 +7,8 @@ from symmb._errors import AssemblyError
 from symmb._magnitudes import SLIGHT
 from symmb._types import Array, Indices
 from symmb.declare.mechanics import Constraint, Motion
+from symmb.equations import start
 from symmb.equations.model import DAE, Scene
-from symmb.equations.start.advice import advice, reminder
 from symmb.equations.start.forward_kinematics import placed_along_joints
 from symmb.equations.start.gauss_newton import FailedAssembly, PositionRows
 from symmb.equations.start.joint_values import (
@@ -46,7 +46,9 @@ def assemble(scene: Scene, dae: DAE, t0: float) -> tuple[Array, Array]:
     free, q = free_displacements(scene, dae), _guess(scene, dae)
     rows = _position_rows(scene, dae, q, t0)
     size = rows.size(q) * rows.dae.scales.length
-    raise AssemblyError(f"{text} {advice(scene, dae, joint, free, size, assembles)}{reminder(scene, joint)}")
+    raise AssemblyError(
+        f"{text} {start.advice(scene, dae, joint, free, size, assembles)}{start.reminder(scene, joint)}"
+    )
 
 
 def listed_coordinates(scene: Scene, dae: DAE) -> ca.Function:

@@ -10,8 +10,8 @@ from symmb._types import Array, Indices
 from symmb.declare.mechanics import Constraint, Weld
 from symmb.declare.symbolic import evaluated
 from symmb.declare.symbolic import t as time
+from symmb.equations import start
 from symmb.equations.model import DAE, Scene, left_out
-from symmb.equations.start.equilibrium import is_stable
 from symmb.equations.start.rank import redundant_names, vanishing_combinations
 from symmb.equations.start.residual_limits import SOLVED
 from symmb.equations.start.scales import evaluate_at_rest
@@ -126,7 +126,7 @@ def _is_unstable(dae: DAE, at: tuple[Array | float, ...], G: Array, rows: Indice
         G_moved = dae.G(moved, *others)[rows.tolist(), :] @ ca.diag(ca.SX(ca.DM(scales)))
         residual -= G_moved.T @ ca.SX(ca.DM(lam))
     stiffness = ca.Function("stiffness", [delta], [ca.jacobian(residual, delta)])(np.zeros(dae.n_v)).full()
-    return bool(np.isfinite(stiffness).all()) and not is_stable(stiffness, G[rows])
+    return bool(np.isfinite(stiffness).all()) and not start.is_stable(stiffness, G[rows])
 
 
 def _multipliers(G: Array, forces: Array) -> Array:

@@ -14,11 +14,11 @@ from symmb._magnitudes import NOTHING, SLIGHT
 from symmb._types import Array, Indices, Mask
 from symmb.declare.mechanics import Constraint, FlexibleBody
 from symmb.declare.symbolic import batch, shared
+from symmb.equations import start as starts
 from symmb.equations.model import DAE, Scene
 from symmb.equations.start.assembly import assemble, listed_coordinates
 from symmb.equations.start.consistency import check_accelerations, check_velocities
 from symmb.equations.start.doubts import start_doubts
-from symmb.equations.start.equilibrium import find_equilibrium, imbalance
 from symmb.equations.start.implicit_function import ImplicitMap
 from symmb.equations.start.joint_tree import GROUND, JointTree
 from symmb.equations.start.joint_values import (
@@ -254,7 +254,7 @@ def _solve_positions(scene: Scene, at: _Rows, reference: ca.Function, free: Indi
     solved, lam0, stiffness = free[columns], np.empty(0), 1.0
     if scene.equilibrium:
         solved = free
-        q0, lam0, stiffness = find_equilibrium(dae, q0, t0, free, rows)
+        q0, lam0, stiffness = starts.find_equilibrium(dae, q0, t0, free, rows)
     u = ca.SX.sym("u", len(solved))
     places = ca.Sparsity.triplet(dae.n_v, len(solved), solved.tolist(), list(range(len(solved))))
     delta = ca.SX(ca.DM(places, dae.displacement_scales[solved])) @ u
@@ -263,7 +263,7 @@ def _solve_positions(scene: Scene, at: _Rows, reference: ca.Function, free: Indi
         # Newton's method ends if displacements are small. Multipliers divided by the stiffness have a similar size.
         share = ca.SX.sym("share", len(rows))
         z, lam = ca.vertcat(u, share), ca.SX(ca.DM(lam0)) + stiffness * share
-        residual = imbalance(dae, q, lam, p, t0, free, rows)
+        residual = starts.imbalance(dae, q, lam, p, t0, free, rows)
     else:
         z, residual = u, ca.SX(0, 1)
         if len(solved) and dae.Phi is not None:

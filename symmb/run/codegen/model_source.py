@@ -9,7 +9,8 @@ from typing import Literal, NamedTuple
 
 import casadi as ca
 
-from symmb.declare.symbolic import Pieces, ranges_along
+from symmb.declare import symbolic
+from symmb.declare.symbolic import Pieces
 from symmb.run.codegen import cache
 from symmb.run.codegen.c_source import c_source
 from symmb.run.codegen.contacts import Contacts
@@ -73,7 +74,9 @@ def model_function(
     parts, box = {"rates": rates, "outputs": outputs, **(contacts or {})}, ca.SX(0, 1)
     if switches is not None and switches.numel():
         parts["switches"] = switches
-        box, parts["bounds"] = ranges_along(switches[: switches.numel() // 2] if ranged is None else ranged, x, p, t)
+        box, parts["bounds"] = symbolic.ranges_along(
+            switches[: switches.numel() // 2] if ranged is None else ranged, x, p, t
+        )
     if projected is not None:
         parts["project"] = projected
     if times is not None:

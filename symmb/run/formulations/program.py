@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+import symmb.connect as connect
 from symmb._errors import DeclarationError
 from symmb._types import Array, Indices
-from symmb.connect import Samples, digest
+from symmb.connect import Samples
 from symmb.declare.symbolic import batch
 from symmb.equations.model import DAE, Scene
 from symmb.run.codegen import Engine
@@ -198,7 +199,7 @@ class Program:
     def identity(self) -> str:
         """A digest of equations, start, outputs, times and solver."""
         form = self.formulation
-        return digest(symmb_version("symmb"), form.dae, form.start, form.y, repr(self.solver), self.times)
+        return connect.digest(symmb_version("symmb"), form.dae, form.start, form.y, repr(self.solver), self.times)
 
     def by(self, solver: Solver) -> "Program":
         """The program of the same scene with another solver.

@@ -11,14 +11,13 @@ from symmb._limits import MOST_STEPS_KEPT, require_steps
 from symmb._types import Array
 from symmb.declare.symbolic import has_kinks
 from symmb.equations.model import DAE
+from symmb.run import integrate
 from symmb.run.codegen import StepTolerances
-from symmb.run.integrate.fixed_step import collocation, fixed_step_integration
 from symmb.run.integrate.initial_value_problem import InitialValueProblem, build_problem
 from symmb.run.integrate.integration import Integration
 from symmb.run.integrate.multistep import multistep_integration
 from symmb.run.integrate.solver import Solver
 from symmb.run.integrate.stabilization import AugmentedLagrangian, Baumgarte, Projection, Stabilization
-from symmb.run.integrate.stabilized_index2 import stabilized_problem
 
 
 class _Multistep(Solver):
@@ -166,7 +165,7 @@ class StabilizedIndex2(Solver):
         def method(problem: InitialValueProblem, length: float) -> dict[str, Any]:
             return _with_multipliers(options, problem) | {"calc_ic": False}
 
-        problem_of = partial(stabilized_problem, work=work)
+        problem_of = partial(integrate.stabilized_problem, work=work)
         return multistep_integration(problem_of, dae, "idas", method, times, self.rtol, units, first=first)
 
 
@@ -208,7 +207,9 @@ class Collocation(Solver):
         problem = build_problem(dae, self.stabilization, algebraic=True, work=work, one_step=True).jets(order)
         require_steps(self, self.steps, MOST_STEPS_KEPT)
         step = self.fixed_step(times)
-        return fixed_step_integration(collocation(problem, self.degree), times, step, problem.projection())
+        return integrate.fixed_step_integration(
+            integrate.collocation(problem, self.degree), times, step, problem.projection()
+        )
 
 
 def _with_multipliers(options: dict[str, Any], problem: InitialValueProblem) -> dict[str, Any]:

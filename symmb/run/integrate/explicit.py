@@ -14,10 +14,9 @@ from symmb._limits import MOST_STEPS_KEPT, require_steps
 from symmb._types import Array
 from symmb.equations.model import DAE
 from symmb.equations.start import Start
+from symmb.run import integrate
 from symmb.run.codegen import Lanes, StepEnds, model_function
 from symmb.run.integrate.compiled import CompiledSolver, Task
-from symmb.run.integrate.contacts import contact_functions, contacts_of, started, with_gaps
-from symmb.run.integrate.fixed_step import explicit, fixed_step_integration
 from symmb.run.integrate.initial_value_problem import PROJECTION_STEPS, InitialValueProblem, build_problem
 from symmb.run.integrate.integration import Integration
 from symmb.run.integrate.stabilization import AugmentedLagrangian, Projection, Stabilization
@@ -50,8 +49,8 @@ class Explicit(CompiledSolver):
         contacts = None
         if dae.impacts is not None:
             # The engine receives the states at the start. Python has projected them onto closed contacts.
-            contacts, start = contacts_of(dae, dae.impacts, work), start if alone else None
-            frozen = with_gaps(frozen, dae, dae.impacts, work)
+            contacts, start = integrate.contacts_of(dae, dae.impacts, work), start if alone else None
+            frozen = integrate.with_gaps(frozen, dae, dae.impacts, work)
         own, problem = problem.p, frozen.problem
         # At the time of an event, outputs have their values after the event.
         outputs = y(problem.x if contacts is None else cast(ca.SX, problem.projected), own, problem.t)
@@ -72,7 +71,7 @@ class Explicit(CompiledSolver):
             None if problem.projected is None else ca.vertcat(at(problem.projected), x[n_x:, :]),
             _compiled_start(start, dae, p, float(np.ptp(times)), alone),
             at(frozen.switches),
-            None if dae.impacts is None else contact_functions(dae, dae.impacts, x, problem.p, problem.t),
+            None if dae.impacts is None else integrate.contact_functions(dae, dae.impacts, x, problem.p, problem.t),
             None if frozen.ranged is None else at(frozen.ranged),
             ca.vertcat(*linear[0](p)) if linear else None,
         )
@@ -95,7 +94,7 @@ def _compiled_start(
         return None
     u, newton, state = start.equations(p)
     if dae.impacts is not None:
-        state = started(dae, dae.impacts, state, p, start.t0, span)
+        state = integrate.started(dae, dae.impacts, state, p, start.t0, span)
     return u, newton, state
 
 
@@ -170,4 +169,6 @@ class RungeKutta(Explicit):
     def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
         problem = build_problem(dae, self.stabilization, algebraic=False, work=work, one_step=True).jets(order)
         require_steps(self, self.steps, MOST_STEPS_KEPT)
-        return fixed_step_integration(explicit(problem, CLASSICAL), times, self.fixed_step(times), problem.projection())
+        return integrate.fixed_step_integration(
+            integrate.explicit(problem, CLASSICAL), times, self.fixed_step(times), problem.projection()
+        )

@@ -10,17 +10,16 @@ from symmb._errors import DeclarationError, PropagationError
 from symmb._types import Array
 from symmb.declare.symbolic import common, has_kinks
 from symmb.equations.model import DAE
+from symmb.run import integrate, schemes
 from symmb.run.codegen import FixedStep, Lanes, Scheme, StepEnds, StepTolerances, scheme_function
 from symmb.run.integrate.compiled import CompiledIntegration, CompiledSolver, Task
-from symmb.run.integrate.fixed_step import fixed_step_integration, implicit
 from symmb.run.integrate.initial_value_problem import build_problem
 from symmb.run.integrate.integration import Integration
 from symmb.run.integrate.projection import sampled_jets
-from symmb.run.integrate.rosenbrock_step import rosenbrock
 from symmb.run.integrate.stabilization import AugmentedLagrangian, Stabilization
 from symmb.run.integrate.step_ends import StopsInTime, stops_in_time
 from symmb.run.integrate.switch_passes import SwitchPasses
-from symmb.run.schemes import Step, generalized_alpha, nstiff_si2
+from symmb.run.schemes import Step
 
 MOST_VELOCITIES = 300
 """Maximum number of velocities. For more velocities, a C compiler needs minutes to compile a Newton matrix.
@@ -89,7 +88,7 @@ class _SchemeSolver(CompiledSolver):
             project = None
             if step.projected is not None:
                 project = common("project", [step.x, step.p, step.t], [step.projected])
-            return fixed_step_integration(implicit(step), times, control.longest, project)
+            return integrate.fixed_step_integration(integrate.implicit(step), times, control.longest, project)
 
         if self.runs_in_lanes(dae):
             return CompiledIntegration(self, dae, times, order, work, fixed_steps)
@@ -137,7 +136,7 @@ class Rosenbrock(_SchemeSolver):
         # tests/benchmarks/latency.py
         algebraic = dae.n_v > 12 and not isinstance(self.stabilization, AugmentedLagrangian)
         problem = build_problem(dae, self.stabilization, algebraic=algebraic, work=work, one_step=True)
-        return rosenbrock(problem.jets(order))
+        return integrate.rosenbrock(problem.jets(order))
 
 
 class _PositionScheme(_SchemeSolver):
@@ -181,7 +180,7 @@ class NSTIFFSI2(_PositionScheme):
     tolerance: float = 1e-8
 
     def formula(self, dae: DAE, work: bool) -> Step:
-        return nstiff_si2(dae, work)
+        return schemes.nstiff_si2(dae, work)
 
     def step_control(self, dae: DAE, times: Array, order: int = 0, n_quad: int = 0) -> StepTolerances | FixedStep:
         return replace(super().step_control(dae, times, order, n_quad), longest=self.step)
@@ -211,7 +210,7 @@ class BDFI3(_PositionScheme):
     tolerance: float = 1e-12
 
     def formula(self, dae: DAE, work: bool) -> Step:
-        return nstiff_si2(dae, work, stabilized=False)
+        return schemes.nstiff_si2(dae, work, stabilized=False)
 
 
 class _AlphaScheme(_PositionScheme):
@@ -222,7 +221,7 @@ class _AlphaScheme(_PositionScheme):
         """The coefficients alpha_m, alpha_f and gamma of `schemes.generalized_alpha`."""
 
     def formula(self, dae: DAE, work: bool) -> Step:
-        return generalized_alpha(dae, work, *self.coefficients())
+        return schemes.generalized_alpha(dae, work, *self.coefficients())
 
 
 @dataclass(frozen=True, repr=False)

@@ -11,11 +11,11 @@ import numpy as np
 from symmb._types import Array
 from symmb.declare.symbolic import batch, common
 from symmb.equations.model import DAE, Lazy
+from symmb.run import integrate
 from symmb.run.events import longest_step
 from symmb.run.integrate.cells import CELLS, refined
 from symmb.run.integrate.initial_value_problem import InitialValueProblem
 from symmb.run.integrate.integration import Integration, RunAdvance, quiet
-from symmb.run.integrate.one_sided import OneSided, one_sided
 from symmb.run.integrate.side_walk import SideWalk, Stops
 from symmb.run.integrate.switch_passes import SwitchPasses, follows_switches
 
@@ -69,7 +69,7 @@ def multistep_integration(
         onward = Lazy(lambda: made.from_0_to_1("onward", problem, fine, LOST * most))
     if project is not None or passes.are_possible:
         between = made.from_0_to_1("between", problem, times, most * max(LOST, 1 / (len(times) - 1)))
-    equations = one_sided(dae) if passes.are_possible and not independent and not order else None
+    equations = integrate.one_sided(dae) if passes.are_possible and not independent and not order else None
     if equations is not None:
         one = problem_of(equations.dae)
         # Maximum number of steps of a piece on one side of each switch. If a piece needs more, the equations with
@@ -148,7 +148,7 @@ class _MultistepIntegration(Integration):
             self.count(smooth.integrator)
             return y
 
-        walk = SideWalk(smooth.equations, p, stops, float(np.ptp(self.times)), one_sided, free)
+        walk = SideWalk(smooth.equations, p, stops, float(np.ptp(self.times)), integrate.one_sided, free)
 
         def piece(begin: float, end: float, x: Array) -> tuple[Array, Array]:
             y = walk.piece(begin, end, np.concatenate([x * units, np.zeros(self.n_quad)]))
@@ -166,7 +166,7 @@ class _SmoothPieces:
 
     def __init__(
         self,
-        equations: OneSided,
+        equations: "integrate.OneSided",
         problem: InitialValueProblem,
         integrator: ca.Function,
         n_q: int,

@@ -8,7 +8,6 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from symmb._errors import DeclarationError
-from symmb._options import shown
 from symmb._specs import Spec, read_spec
 from symmb.run.integrate.casadi_solvers import CVODES, IDAS, Collocation, StabilizedIndex2
 from symmb.run.integrate.event_driven import EventDriven
@@ -91,17 +90,6 @@ WORDS: dict[str, tuple[str, Any]] = {
     "lagrangian": ("stabilization", AugmentedLagrangian()),
 }
 """Word on the command line -> name and value of the option of the solver that the word sets."""
-
-
-def solver_of(solver: object) -> Solver | None:
-    """The given solver, or the solver that a text such as "cvodes:1e-8" names. Other values raise DeclarationError."""
-    if isinstance(solver, str):
-        return read_solver(solver)
-    if isinstance(solver, type):
-        raise DeclarationError(f"solver: got the class {solver.__name__}; call it, as in CVODES() or HHT(step=1e-3).")
-    if solver is not None and not isinstance(solver, Solver):
-        raise DeclarationError(f"solver: {shown(solver)} is not a Solver; give an object such as CVODES(rtol=1e-9).")
-    return solver
 
 
 def read_solver(text: str) -> Solver:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from symmb._types import Array
-from symmb.run.integrate.one_sided import OneSided
+from symmb.run import integrate
 
 SideAdvance = Callable[[float, float, Array, Array], Array]
 """A function (begin, end, y, parameters) -> y at the end."""
@@ -68,7 +68,13 @@ class SideWalk:
     """
 
     def __init__(
-        self, equations: OneSided, p: Array, stops: Stops, span: float, one_sided: SideAdvance, free: SideAdvance
+        self,
+        equations: "integrate.OneSided",
+        p: Array,
+        stops: Stops,
+        span: float,
+        one_sided: SideAdvance,
+        free: SideAdvance,
     ) -> None:
         self._equations, self._p, self._passes, self._until = equations, p, stops.passes, float(stops.until)
         self._one_sided, self._free = one_sided, free

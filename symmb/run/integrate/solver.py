@@ -13,6 +13,7 @@ from symmb._limits import require_steps
 from symmb._options import is_finite_number, is_real, is_whole, python_number, require_truth, shown
 from symmb._types import Array
 from symmb.equations.model import DAE
+from symmb.run import integrate
 from symmb.run.codegen import StepTolerances, with_compiler
 from symmb.run.integrate.cells import interval_steps
 from symmb.run.integrate.integration import Integration, stateless_integration
@@ -213,3 +214,14 @@ def _longest_taken(step: float, times: Array | None) -> float:
     if times is None or len(times) < 2:
         return step
     return float((np.diff(times) / interval_steps(times, step)).max())
+
+
+def solver_of(solver: object) -> Solver | None:
+    """The given solver, or the solver that a text such as "cvodes:1e-8" names. Other values raise DeclarationError."""
+    if isinstance(solver, str):
+        return integrate.read_solver(solver)
+    if isinstance(solver, type):
+        raise DeclarationError(f"solver: got the class {solver.__name__}; call it, as in CVODES() or HHT(step=1e-3).")
+    if solver is not None and not isinstance(solver, Solver):
+        raise DeclarationError(f"solver: {shown(solver)} is not a Solver; give an object such as CVODES(rtol=1e-9).")
+    return solver

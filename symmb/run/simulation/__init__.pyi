@@ -21,3 +21,8 @@ from .subject import (
 )
 from .sweep import Sweep as Sweep, sweep as sweep
 from .trajectory import Trajectory as Trajectory
+from .sweep import side_by_side as side_by_side
+from .trajectory_file import PLAIN as PLAIN
+from .trajectory_file import labelled as labelled
+from .trajectory_file import of_record as of_record
+from .trajectory_file import of_table as of_table

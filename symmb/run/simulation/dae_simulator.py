@@ -16,7 +16,8 @@ from symmb.connect import Progress, Reduction, Samples, checked_samples, stream
 from symmb.declare.mechanics import FlexibleBody
 from symmb.declare.symbolic import HIGHEST_ORDER, batch
 from symmb.equations.model import Scene
-from symmb.run.codegen import Card, cores
+from symmb.run import codegen
+from symmb.run.codegen import cores
 from symmb.run.formulations import LOCK, Program, block_size, jet_outputs, outputs_along
 from symmb.run.integrate import Solver, SwitchPasses, impacts_text, solver_of
 from symmb.run.simulation.pilots import given_program, program_for_studies
@@ -138,9 +139,9 @@ class DAESimulator(WithWarnings):
         """The same simulator with another solver."""
         return self if solver == self.solver else self._by(self.program.by(solver))
 
-    def on_card(self, card: Card) -> "DAESimulator":
+    def on_card(self, card: "codegen.Card") -> "DAESimulator":
         """The same simulator with samples that run on a graphics card."""
-        require_instance("on_card: card", card, Card, "the card of a program")
+        require_instance("on_card: card", card, codegen.Card, "the card of a program")
         return self._by(self.program.on_card(card))
 
     def _by(self, program: Program) -> "DAESimulator":

@@ -8,12 +8,13 @@ from typing import Any, NamedTuple, TypeVar, cast
 import casadi as ca
 import numpy as np
 
+import symmb.connect as connect
 from symmb._errors import SimulationError, WithWarnings
 from symmb._names import ByName
 from symmb._options import require_instance
 from symmb._types import Array, Executor, Indices, Mask
 from symmb._units import units_of_parameters, values_text
-from symmb.connect import Ensemble, Progress, Reduction, Samples, blocks, checked_samples, digest, stream
+from symmb.connect import Ensemble, Progress, Reduction, Samples, blocks, checked_samples, stream
 from symmb.declare.symbolic import common
 from symmb.equations.model import Scene
 from symmb.run.formulations import LOCK, CompiledEnsemble, Program, block_size
@@ -204,7 +205,7 @@ class FigureSimulator(WithWarnings):
     def identity(self) -> str:
         """A digest of equations, start, outputs, times and solver, for `StoredSimulator`."""
         own = (tuple(sorted(self._continued)),) if self._continued else ()
-        return digest(self._with_rates.identity(), self.outputs, tuple(self.rules), *own)
+        return connect.digest(self._with_rates.identity(), self.outputs, tuple(self.rules), *own)
 
     def values(self, p: Array) -> tuple[Array, tuple[str, ...]]:
         """Outputs (n_t, n_y) of the run with parameters p (d,), and names of scalar outputs that are nan.

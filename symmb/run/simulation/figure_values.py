@@ -6,7 +6,6 @@ from math import comb
 from typing import NamedTuple, cast
 
 import numpy as np
-from scipy.special import ndtr
 
 from symmb._types import Array, Indices, Mask
 from symmb.run.simulation.panels import GRID, ON_GRID, Panels, highest, values_at
@@ -36,6 +35,8 @@ class Rule(NamedTuple):
         if self.over_runs:
             return np.quantile(values, cast(float, self.level), axis=1)
         if self.kind == "probability":
+            from scipy.special import ndtr  # this import takes longer than a run
+
             # Kernel estimate of a distribution. The width of the kernel is a tenth of the standard deviation for 1000
             # runs, so that it increases the variance by 1 %.
             width = values.std(axis=1, keepdims=True) / runs ** (1 / 3)

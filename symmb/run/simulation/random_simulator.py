@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, TypeVar
 import casadi as ca
 import numpy as np
 
+import symmb.connect as connect
 from symmb._errors import DeclarationError, WithWarnings
 from symmb._names import ByName
 from symmb._types import Array, Executor
 from symmb._units import told_names, units_of_parameters, values_text
-from symmb.connect import Ensemble, Progress, Reduction, checked_samples, digest, stream
+from symmb.connect import Ensemble, Progress, Reduction, checked_samples, stream
 from symmb.declare.mechanics import LEVELS, RandomInput
 from symmb.declare.symbolic import ddt, t
 from symmb.equations.model import Scene
@@ -145,7 +146,7 @@ class RandomSimulator(WithWarnings):
 
     def identity(self) -> str:
         """A digest of equations, start, outputs, times, solver and seeds, for `StoredSimulator`."""
-        return digest(self.runs.identity(), self.runs.curves.times, self.seeds)
+        return connect.digest(self.runs.identity(), self.runs.curves.times, self.seeds)
 
 
 def _coarse(scene: Scene, inputs: Sequence[RandomInput]) -> list[str]:

@@ -18,6 +18,7 @@ from symmb._units import number_in, units_of_parameters
 from symmb.declare.symbolic import evaluated
 from symmb.equations.model import Scene, compile_dae
 from symmb.equations.start import prepare_start
+from symmb.run import simulation
 from symmb.run.formulations import program_of
 from symmb.run.integrate import EventDriven, Solver
 from symmb.run.simulation.dae_simulator import DAESimulator
@@ -25,7 +26,6 @@ from symmb.run.simulation.figure_simulator import FigureSimulator
 from symmb.run.simulation.pilots import PilotRuns, given_program
 from symmb.run.simulation.run_doubts import SMOOTH, run_doubts
 from symmb.run.simulation.subject import Subject, scene_of
-from symmb.run.simulation.sweep import Sweep, side_by_side
 from symmb.run.simulation.trajectory import Trajectory
 from symmb.run.verification import in_two_ways, other_way
 
@@ -56,7 +56,7 @@ def simulate(
     atol: float | None = None,
     times: Sequence[float] | Array | None = None,
     outputs: Mapping[str, Expr] | None = None,
-) -> Sweep: ...
+) -> "simulation.Sweep": ...
 
 
 @kept_interrupts()
@@ -70,7 +70,7 @@ def simulate(
     check: bool = False,
     times: Sequence[float] | Array | None = None,
     outputs: Mapping[str, Expr] | None = None,
-) -> Trajectory | Sweep:
+) -> "Trajectory | simulation.Sweep":
     """Run a scene once, or once for each of several sets of parameters.
 
     Parameters
@@ -123,7 +123,7 @@ def simulate(
     own, solver = subject.scene, subject.solver
     tolerances = _tolerances(rtol, atol, solver is not None)
     if not isinstance(parameters, Mapping | str | None) and isinstance(parameters, Sequence):
-        return side_by_side(subject, parameters, check, tolerances)
+        return simulation.side_by_side(subject, parameters, check, tolerances)
     if tolerances and own.system.collected.has_events:
         solver = EventDriven(**tolerances)
     values = parameter_values(own, {} if parameters is None else parameters)

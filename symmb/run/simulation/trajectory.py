@@ -23,9 +23,9 @@ from symmb.declare.symbolic import batch
 from symmb.equations.model import Scene
 from symmb.equations.start import Singularity
 from symmb.results import files, plot
+from symmb.run import simulation
 from symmb.run.events import Event, event_doubts
 from symmb.run.formulations import Program, output_function, program_of
-from symmb.run.simulation.trajectory_file import PLAIN, labelled, of_record, of_table
 from symmb.run.verification import Drift, Energy, Examination, drift, energy, linear_theory_doubts
 
 if TYPE_CHECKING:
@@ -320,7 +320,7 @@ class Trajectory(plot.OverTime, Result, ByOutput, WithWarnings, files.Saved):
         DeclarationError
             If the file is damaged, has other contents, or belongs to another scene
         """
-        known, derived = files.load(path, "a result of Trajectory.save", of_record, of_table)
+        known, derived = files.load(path, "a result of Trajectory.save", simulation.of_record, simulation.of_table)
         program = None
         if scene is not None:
             require_instance("Trajectory.load: scene", scene, Scene, "a Scene")
@@ -339,7 +339,7 @@ class Trajectory(plot.OverTime, Result, ByOutput, WithWarnings, files.Saved):
 
     def _record(self) -> dict[str, Any]:
         q_names, v_names, s_names = self.state_names
-        return {name: getattr(self, name) for name in PLAIN} | {
+        return {name: getattr(self, name) for name in simulation.PLAIN} | {
             "scene": self.name,
             "names": np.array(self.names, dtype=str),
             "q_names": q_names,
@@ -356,7 +356,7 @@ class Trajectory(plot.OverTime, Result, ByOutput, WithWarnings, files.Saved):
         return dict(zip(headings(self.names, self.units, self.parameters), columns, strict=True))
 
     def _labelled(self) -> Labelled:
-        return labelled(self._record())
+        return simulation.labelled(self._record())
 
     def _figure(self, columns: list[int] | None, style: plot.Style) -> "Figure":
         values = self.t, self.values, self.names

@@ -14,3 +14,7 @@ from .piecewise import (
     joined as joined,
     last_terms as last_terms,
 )
+from .branch_and_bound import compiled_ranges as compiled_ranges
+from .inclusion import Bernstein as Bernstein
+from .inclusion import ChebyshevInclusion as ChebyshevInclusion
+from .line_search import searched_extremes as searched_extremes

@@ -7,10 +7,9 @@ import numpy as np
 from symmb._limits import windows
 from symmb._options import require_between, require_whole
 from symmb._types import Array
+from symmb.bound.polynomials import ranges
 from symmb.bound.polynomials.legendre import MultiIndices
-from symmb.bound.polynomials.ranges.branch_and_bound import compiled_ranges
-from symmb.bound.polynomials.ranges.inclusion import Bernstein, ChebyshevInclusion, Range
-from symmb.bound.polynomials.ranges.line_search import searched_extremes
+from symmb.bound.polynomials.ranges.inclusion import Range
 from symmb.run.codegen import with_compiler
 
 RANGE_ERROR = 1e-5
@@ -108,12 +107,14 @@ class Exact:
             found = self._searched(alpha, coefficients, False)
             return found.lower + found.below, found.upper - found.above, found.at_lower, found.at_upper
 
-        lower, upper, at_lower, at_upper = with_compiler(compiled, lambda: searched_extremes(alpha, coefficients))
+        lower, upper, at_lower, at_upper = with_compiler(
+            compiled, lambda: ranges.searched_extremes(alpha, coefficients)
+        )
         return Extremes(lower, upper, at_lower, at_upper, np.zeros_like(lower), np.zeros_like(upper))
 
     def _searched(self, alpha: MultiIndices, coefficients: Array, proves: bool) -> Extremes:
         found = [
-            compiled_ranges(alpha, coefficients[:, window], self.tolerance, self.budget, proves)
+            ranges.compiled_ranges(alpha, coefficients[:, window], self.tolerance, self.budget, proves)
             for window in windows(max(coefficients.shape[1], 1), len(alpha))
         ]
         return Extremes(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
@@ -121,11 +122,11 @@ class Exact:
 
 def _enclosed(alpha: MultiIndices, coefficients: Array) -> Extremes:
     """Bounds without a C compiler, by other methods, and points found by a search along the parameters."""
-    least, most, at_lower, at_upper = searched_extremes(alpha, coefficients)
+    least, most, at_lower, at_upper = ranges.searched_extremes(alpha, coefficients)
     size = float(np.prod(alpha.max(axis=0, initial=0) + 1.0))
     # All boxes have at most 2^14 Bernstein coefficients, because NumPy computes all of them for each polynomial.
     fitting = [boxes for boxes in (2, 1) if size * boxes ** alpha.shape[1] <= 2**14]
-    method: Range = Bernstein(fitting[0]) if fitting else ChebyshevInclusion()
+    method: Range = ranges.Bernstein(fitting[0]) if fitting else ranges.ChebyshevInclusion()
     lower, upper = method.bounds(alpha, coefficients)
     lower, upper = np.minimum(lower, least), np.maximum(upper, most)
     return Extremes(lower, upper, at_lower, at_upper, least - lower, upper - most)
