@@ -11,8 +11,6 @@ import time
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from multiprocessing import parent_process
-from multiprocessing.util import Finalize
 from pathlib import Path
 from typing import Any
 
@@ -69,6 +67,8 @@ def lasting_folder() -> Path:
 
     OSError is raised if the folder cannot be created.
     """
+    from multiprocessing.util import Finalize
+
     folder = _new_folder(None)
     Finalize(None, _remove, (folder.parent,), exitpriority=0)
     return folder
@@ -250,6 +250,8 @@ def end_with_parent() -> None:
 
 def watch_parent() -> None:
     """Let this worker of a pool end when its parent ends. By default, workers continue if the parent is killed."""
+    from multiprocessing import parent_process
+
     global _WATCHES
     if parent_process() is not None and os.getpid() != _WATCHES:
         _WATCHES = os.getpid()

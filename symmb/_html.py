@@ -1,12 +1,17 @@
 """Results as HTML, for notebooks."""
 
-from base64 import b64encode
 from collections.abc import Collection, Sequence
-from html import escape
 
 _PLAIN = 'class="tex2jax_ignore mathjax_ignore"'
 """HTML classes that stop notebooks from reading dollar signs in names as formulas."""
 _SCROLLED = 'style="overflow-x: auto; max-width: 100%"'
+
+
+def escape(text: str) -> str:
+    """A text without marks of HTML."""
+    from html import escape  # most sessions show no page
+
+    return escape(text)
 
 
 def page(*parts: str) -> str:
@@ -55,5 +60,7 @@ def frame(document: str, title: str) -> str:
 
 def picture(png: bytes, alt: str = "picture") -> str:
     """HTML of a picture, from the bytes of a PNG file."""
+    from base64 import b64encode
+
     data = b64encode(png).decode()
     return f'<img alt="{escape(alt)}" style="max-width: 100%; width: 800px" src="data:image/png;base64,{data}">'

@@ -4,7 +4,6 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
-from difflib import get_close_matches
 from typing import Any, TypeVar
 from unicodedata import normalize
 
@@ -45,6 +44,8 @@ def counted(number: int, noun: str) -> str:
 
 def did_you_mean(name: object, known: Iterable[str]) -> str:
     """The end of an error message: ' Did you mean 'x'?', or a list of the known names."""
+    from difflib import get_close_matches
+
     known = [*map(str, known)]
     text = name if isinstance(name, str) else ""
     close = [own for own in known if own.casefold() == text.casefold()] or get_close_matches(text, known, n=1)

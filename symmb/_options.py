@@ -1,7 +1,6 @@
 """Checks of arguments from users, such as numbers and names, and the printed form of objects with options."""
 
 import math
-import sys
 from collections.abc import Collection, Iterable, Mapping, Sequence, Set
 from dataclasses import MISSING, fields
 from importlib import import_module
@@ -50,7 +49,7 @@ def numbers_of(value: object) -> Array | None:
     These are not accepted as numbers: texts, durations, times, truth values, bytes, complex numbers, masked values, and
     values that do not fit into memory.
     """
-    if isinstance(value, str | bytes | bytearray | memoryview | bool | Mapping | Set) or _is_masked(value):
+    if isinstance(value, str | bytes | bytearray | memoryview | bool | Mapping | Set) or np.ma.is_masked(value):
         return None
     size = len(value) if isinstance(value, range) else getattr(value, "size", 0)
     if isinstance(size, int) and not fits(size):
@@ -65,11 +64,6 @@ def numbers_of(value: object) -> Array | None:
     except Exception:  # ragged, recursive, symbolic, beyond doubles, or an exception of the user's class
         return None
     return np.ascontiguousarray(array, dtype=float).reshape(array.shape) if array.dtype.kind in _REAL else None
-
-
-def _is_masked(value: object) -> bool:
-    """Whether values of an array are masked. NumPy's masked arrays are loaded if the user has loaded them."""
-    return "numpy.ma" in sys.modules and bool(np.ma.is_masked(value))
 
 
 _REAL = "iuf"

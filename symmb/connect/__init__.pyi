@@ -1,7 +1,8 @@
 """The names that other rooms use. `_doors` loads their modules when they are used."""
 
 from .black_box import BlackBox as BlackBox
-from .executors import LostTask as LostTask, finished as finished, is_shut_down as is_shut_down
+from .executors import finished_by as finished_by, is_shut_down as is_shut_down
+from .tasks import LostTask as LostTask, finished as finished
 from .identity import digest as digest
 from .recorded_runs import RecordedRuns as RecordedRuns
 from .run_database import STATES as STATES, RunDatabase as RunDatabase, open_run_database as open_run_database

@@ -14,10 +14,10 @@ from symmb._options import is_finite_number, require_name, shown
 from symmb._table import is_timeless
 from symmb._types import Array, Executor
 from symmb._units import numbers_in, quantity, units_of_parameters, values_text
-from symmb.connect.executors import LostTask, finished
 from symmb.connect.identity import ChangedFileError
 from symmb.connect.limited_calls import fault_text
 from symmb.connect.simulator import Ensemble, Merging, Progress, Reduction, Simulator, blocks, checked_samples, joined
+from symmb.connect.tasks import LostTask, finished
 
 S = TypeVar("S")
 

@@ -21,6 +21,7 @@ import symmb.connect as connect
 from symmb._cleanup import watch_parent
 from symmb._errors import DeclarationError, SimulationError, SymmbError, SymmbWarning, text_of
 from symmb._options import shown
+from symmb.connect.tasks import LostTask, Numbered
 
 _TRIES = 3
 """Maximum number of attempts at a task if its worker dies: first together with other tasks, then alone."""
@@ -46,19 +47,9 @@ _THREADS: dict[int, threading.Thread] = {}
 """Number of each task that runs in this process -> its thread."""
 _END = object()
 
-Numbered = tuple[int, Any]
-"""The number of a task, and its item or its result."""
-
 
 class RefusedError(BrokenExecutor):
     """An executor refuses a task, or cancels it. No worker has died."""
-
-
-@dataclass(frozen=True)
-class LostTask:
-    """The result of a task if the worker died at each attempt."""
-
-    reason: str
 
 
 @dataclass(frozen=True)
@@ -79,24 +70,8 @@ def is_shut_down(executor: Any) -> bool:
     return False
 
 
-def finished(f: Callable[[Any], Any], items: Iterable[Any], executor: Any) -> Iterator[Numbered]:
-    """Pairs (number of an item, f(item)) in the order in which tasks end; `LostTask` is the result if workers die.
-
-    Parameters
-    ----------
-    f : picklable if the executor runs in other processes
-    items : an item is taken when a worker is free
-    executor : an object with `submit`, as in concurrent.futures, loky, mpi4py and Dask; an object with an ordered
-        `map`; or a function that makes an executor, and a new one after a failure; None: the calling thread
-
-    Raises
-    ------
-    DeclarationError        if the executor is none of these, or f cannot be pickled
-    SimulationError         if an executor breaks and cannot be replaced, raises an exception, or returns wrong results
-    """
-    if executor is None:
-        yield from enumerate(map(f, items))
-        return
+def finished_by(executor: Any, f: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[Numbered]:
+    """Pairs (number of an item, f(item)) in the order in which tasks end, as `tasks.finished` describes."""
     first = secrets.randbits(60)  # so that results of different calls cannot be confused
     with _Pool(executor) as pool:
         for k, result in (_submitted if pool.submits else _mapped)(f, enumerate(items, first), pool):

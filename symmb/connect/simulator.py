@@ -19,7 +19,7 @@ from symmb._errors import DeclarationError, SimulationError
 from symmb._magnitudes import ROUNDING
 from symmb._options import numbers_of, require_instance, shown
 from symmb._types import Array, Executor, Indices, Mask
-from symmb.connect.executors import LostTask, finished
+from symmb.connect.tasks import LostTask, finished
 
 S = TypeVar("S")
 Progress = Callable[[int, int], None]

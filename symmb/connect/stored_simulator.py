@@ -12,7 +12,6 @@ from symmb._errors import DeclarationError, WithWarnings
 from symmb._options import shown
 from symmb._types import Array, Executor
 from symmb.connect.black_box import BlackBox, lost_runs, samples_of_block, timed_runs
-from symmb.connect.executors import LostTask, finished
 from symmb.connect.identity import UndigestedError, digest
 from symmb.connect.program_files import is_text
 from symmb.connect.run_database import RunDatabase, StoredStudy, open_run_database, sample_keys
@@ -27,6 +26,7 @@ from symmb.connect.simulator import (
     blocks,
     checked_samples,
 )
+from symmb.connect.tasks import LostTask, finished
 from symmb.equations.model import Box
 
 S = TypeVar("S")

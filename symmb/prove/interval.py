@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
-from scipy.special import erf
 
 from symmb._errors import PropagationError
 from symmb._types import Array, Mask
@@ -232,6 +231,12 @@ def _entry(entry: Entry, group: Interval, at: Interval) -> Interval:
     return Interval(lower.reshape(first.shape), upper.reshape(first.shape))
 
 
+def _error_function(x: Array) -> Array:
+    from scipy.special import erf  # this import takes longer than a study of a small scene
+
+    return erf(x)
+
+
 def _if_else_zero(condition: Interval, a: Interval) -> Interval:
     sure, possible = _is_true(condition)
     lower = np.where(possible == 0, 0.0, np.where(sure == 1, a.lower, np.minimum(a.lower, 0.0)))
@@ -283,7 +288,7 @@ EXTENSIONS: dict[int, Callable[..., Interval]] = {
     ca.OP_ASINH: _increasing(np.arcsinh),
     ca.OP_ACOSH: _increasing(np.arccosh, domain=(1.0, np.inf), values=(0.0, np.inf)),
     ca.OP_ATANH: _increasing(np.arctanh, domain=(-1.0, 1.0)),
-    ca.OP_ERF: _increasing(erf, values=(-1.0, 1.0)),
+    ca.OP_ERF: _increasing(_error_function, values=(-1.0, 1.0)),
     ca.OP_HYPOT: lambda a, b: _root(_add(_integer_power(a, 2), _integer_power(b, 2))),
     ca.OP_FABS: _magnitude,
     ca.OP_SIGN: _increasing(np.sign, ulps=0),

@@ -22,8 +22,8 @@ from symmb.bound import answers
 from symmb.bound.answers import result_file
 from symmb.bound.answers.answers import Answers
 from symmb.bound.responses import ENDED, RULES, STALLED, USED_UP, WorstCase, failure_text
-from symmb.results import plot
-from symmb.results.files import Record, Saved, Table, attributes, entries
+from symmb.results import files, plot
+from symmb.results.files import Record, Saved, attributes, entries
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -250,7 +250,7 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
             **({} if self.trace is None else {"trace": self.trace.record()}),
         }
 
-    def _table(self) -> Table:
+    def _table(self) -> "files.Table":
         parts = {"lower": self.lower, "upper": self.upper, "estimate": self.estimate}
         time, *heads = headings(self.names, self.units, self.nominal_parameters)
         columns = {

@@ -1,6 +1,5 @@
 """Conversion from SymPy to CasADi SX. Symbols are bound by name, and all other nodes are converted one by one."""
 
-import difflib
 import sys
 from collections.abc import Callable, Mapping
 from functools import cache, reduce
@@ -71,6 +70,8 @@ def from_sympy(expression: Any, symbols: Mapping[str, ca.SX]) -> ca.SX:
 def _check_names(expression: Any, symbols: Mapping[str, ca.SX]) -> None:
     faults = Faults()
     for name in sorted({symbol.name for symbol in expression.free_symbols} - set(symbols)):
+        import difflib
+
         near = difflib.get_close_matches(name, symbols, n=1)
         hint = f"Did you mean '{near[0]}'?" if near else f"Known names: {', '.join(symbols) or 'none'}."
         faults.append(f"Unknown symbol '{name}' in a SymPy expression. {hint}")

@@ -1,10 +1,8 @@
 """Intervals from the tolerances in drawings and tables."""
 
-import csv
 import io
 import math
 import re
-import tomllib
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -15,9 +13,9 @@ from symmb._magnitudes import SAME
 from symmb._names import did_you_mean, normal
 from symmb._options import is_finite_number, numbers_of, shown
 from symmb._units import NUMBER, number_in, numbers_in, quantity, ratio_of, scaled, unit_of
+from symmb.equations import model
 from symmb.equations.model.iso_grades import sizes_of_grade
-from symmb.equations.model.uncertainty_file import records_in_file
-from symmb.results.files import told
+from symmb.results import files
 
 Interval = tuple[float, float]
 _SEPARATORS = {";": "semicolons", "\t": "tabs"}
@@ -245,6 +243,8 @@ def intervals_in_file(
 ) -> dict[str, Interval]:
     """The intervals of a CSV or TOML table, an SSV file or an FMU, in the units of the parameters. If nominal values
     are given, the nominal values in the file must agree."""
+    import csv
+
     owner = f"Box.read: {path.name}"
     readers = {".csv": _rows_of_csv, ".toml": _rows_of_toml}
     kind = path.suffix.lower()
@@ -252,13 +252,13 @@ def intervals_in_file(
         raise DeclarationError(f"{owner} must be a .csv, .toml, .ssv or .fmu file.")
     try:
         if kind in readers:
-            with told(path, "read"):
+            with files.told(path, "read"):
                 text = path.read_text(encoding="utf-8-sig")
             rows = list(readers[kind](owner, text))
         else:
-            with told(path, "read"):
+            with files.told(path, "read"):
                 path.open("rb").close()  # a missing file is a FileError, as for tables
-                records = list(records_in_file(path))
+                records = list(model.records_in_file(path))
             rows = [_row_of_record(owner, name, record, units.get(name, "")) for name, record in records]
     except (FileError, DeclarationError):
         raise
@@ -278,6 +278,8 @@ def intervals_in_file(
 
 
 def _rows_of_csv(owner: str, text: str) -> Iterator[dict[str, Any]]:
+    import csv
+
     lines = [line for line in csv.reader(io.StringIO(text, newline="")) if any(cell.strip() for cell in line)]
     if comment := next((line for line in lines if line[0].lstrip().startswith("#")), None):
         raise DeclarationError(f"{owner}: comments cannot be read. Remove the line {shown(','.join(comment))}.")
@@ -296,6 +298,8 @@ def _rows_of_csv(owner: str, text: str) -> Iterator[dict[str, Any]]:
 
 
 def _rows_of_toml(owner: str, text: str) -> Iterator[dict[str, Any]]:
+    import tomllib
+
     for name, row in tomllib.loads(text).items():
         if not isinstance(row, Mapping):
             raise DeclarationError(f"{owner}: {name!r} must be a table with nominal, plus and minus, got {shown(row)}.")

@@ -8,7 +8,7 @@ from typing import Any, Self, get_args
 
 from symmb._interrupts import keep_interrupts
 from symmb._units import units_of_parameters
-from symmb.results.files.formats import Table, in_json, load, save
+from symmb.results import files
 from symmb.results.files.record import Record
 
 _CHECKS: dict[Any, Callable[..., Any]] = {
@@ -89,7 +89,7 @@ class Saved:
     def _of_record(cls, record: Record) -> Self:
         return cls(**attributes(cls, record))
 
-    def _table(self) -> Table:
+    def _table(self) -> "files.Table":
         raise NotImplementedError
 
     @classmethod
@@ -98,7 +98,7 @@ class Saved:
 
     def to_json(self) -> dict[str, Any]:
         """The result as lists, texts and numbers. Numbers that are not finite are None."""
-        return in_json(self._named_record())
+        return files.in_json(self._named_record())
 
     def _named_record(self) -> dict[str, Any]:
         return {"result": type(self).__name__} | self._record()
@@ -113,8 +113,8 @@ class Saved:
         FileError
             If the file cannot be written. A previous file is kept
         """
-        sources = {"record": self._named_record, "entries": lambda: in_json(self._named_record())}
-        save(path, sources | ({"table": self._table} if _has_table(type(self)) else {}))
+        sources = {"record": self._named_record, "entries": lambda: files.in_json(self._named_record())}
+        files.save(path, sources | ({"table": self._table} if _has_table(type(self)) else {}))
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
@@ -128,7 +128,7 @@ class Saved:
             If the file cannot be read
         """
         what, from_table = f"a result of {cls.__name__}.save", cls._of_table if _has_table(cls) else None
-        return load(path, what, cls._of_record, from_table)
+        return files.load(path, what, cls._of_record, from_table)
 
 
 def _has_table(kind: type[Saved]) -> bool:

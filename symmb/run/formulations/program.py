@@ -4,7 +4,6 @@ import time
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from importlib.metadata import version as symmb_version
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -15,6 +14,7 @@ from symmb._types import Array, Indices
 from symmb.connect import Samples
 from symmb.declare.symbolic import batch
 from symmb.equations.model import DAE, Scene
+from symmb.run import integrate
 from symmb.run.codegen import Engine
 from symmb.run.events import Break, broken
 from symmb.run.formulations.ensembles import (
@@ -26,17 +26,7 @@ from symmb.run.formulations.ensembles import (
 )
 from symmb.run.formulations.formulation import Formulation, Formulations, formulations
 from symmb.run.formulations.output_functions import jet_outputs, outputs_along
-from symmb.run.integrate import (
-    CVODES,
-    CompiledSolver,
-    EventDriven,
-    Integration,
-    Solver,
-    Task,
-    impacts_text,
-    refined,
-    round_otherwise,
-)
+from symmb.run.integrate import CVODES, CompiledSolver, Integration, Solver, Task, impacts_text, refined
 
 if TYPE_CHECKING:
     from symmb.run.codegen import Card, CardEngine
@@ -198,8 +188,10 @@ class Program:
 
     def identity(self) -> str:
         """A digest of equations, start, outputs, times and solver."""
+        from importlib.metadata import version  # this import takes as long as a short run
+
         form = self.formulation
-        return connect.digest(symmb_version("symmb"), form.dae, form.start, form.y, repr(self.solver), self.times)
+        return connect.digest(version("symmb"), form.dae, form.start, form.y, repr(self.solver), self.times)
 
     def by(self, solver: Solver) -> "Program":
         """The program of the same scene with another solver.
@@ -238,7 +230,7 @@ class Program:
         P = self.bodies.dae.p_nominal[None]
         nominal, finer = self.runs(P), self.by(self.solver.tighter(times=self.times))
         if self.bodies.dae.impacts is not None and nominal.ok.size:
-            round_otherwise(finer.engine(), self.engine())
+            integrate.round_otherwise(finer.engine(), self.engine())
             return finer
         # How often a solver is made ten times more accurate until its run changes. Exact runs never change.
         for _ in range(4 if nominal.ok.all() and not self.is_stateless else 0):
@@ -310,7 +302,7 @@ def program_of(scene: Scene, solver: Solver | None = None) -> Program:
     DeclarationError       if the solver cannot run the scene
     """
 
-    own = solver or (EventDriven() if scene.system.collected.has_events else CVODES())
+    own = solver or (integrate.EventDriven() if scene.system.collected.has_events else CVODES())
 
     def make() -> Program:
         forms, times = formulations(scene), np.asarray(scene.times, dtype=float)

@@ -81,21 +81,33 @@ class _Linearization:
 
     def eigenvalues(self, x: Array, p: Array, t: Array) -> Array:
         """Eigenvalues of the Jacobian at a state x (n_x,), of large systems only the largest; nan without Jacobian."""
-        from scipy import sparse
-
         n = len(x)
         (z,) = batch(self._z, x, p, t)
         (changes,) = batch(self._along, x, z[0], p, t, self._seeds[:, :n], self._seeds[:, n:])
         values = changes.reshape(len(self._seeds), -1)[self._colours, self._rows]
+        # Number of states up to which all eigenvalues are computed. All eigenvalues take n^3 operations, a minute for
+        # 3,000 states.
+        return self._every(n, values) if n <= 600 else self._largest(n, values)
+
+    def _every(self, n: int, values: Array) -> Array:
+        """All eigenvalues, from dense matrices: SciPy's import takes longer than the runs of a small scene."""
+        J = np.zeros((self._seeds.shape[1],) * 2)
+        J[self._rows, self._columns] = values
+        A, B, C, D = (np.ascontiguousarray(part) for part in (J[:n, :n], J[:n, n:], J[n:, :n], J[n:, n:]))
+        try:
+            full = A - B @ np.linalg.solve(D, C)
+            return np.linalg.eigvals(full) if np.isfinite(full).all() else np.full(n, np.nan)
+        except np.linalg.LinAlgError:
+            return np.full(n, np.nan)
+
+    def _largest(self, n: int, values: Array) -> Array:
+        """Some of the largest eigenvalues, with a relative error of a hundredth."""
+        from scipy import sparse
+
         J = sparse.csc_array((values, (self._rows, self._columns)), shape=(self._seeds.shape[1],) * 2)
         A, B, C, D = J[:n, :n], J[:n, n:], J[n:, :n], J[n:, n:]
         try:
-            # Number of states up to which all eigenvalues are computed. For larger systems: number of largest
-            # eigenvalues, and their relative error. All eigenvalues take n^3 operations, a minute for 3,000 states.
-            if n <= 600:
-                full = A.toarray() - B.toarray() @ np.linalg.solve(D.toarray(), C.toarray())
-                return np.linalg.eigvals(full) if np.isfinite(full).all() else np.full(n, np.nan)
-            solved = sparse.linalg.splu(D).solve if len(z[0]) else np.copy
+            solved = sparse.linalg.splu(D).solve if D.shape[0] else np.copy
             operator = sparse.linalg.LinearOperator((n, n), lambda v: A @ v - B @ solved(C @ v), dtype=float)
             return sparse.linalg.eigs(operator, k=6, tol=1e-2, return_eigenvectors=False)
         except (np.linalg.LinAlgError, sparse.linalg.ArpackError, RuntimeError):

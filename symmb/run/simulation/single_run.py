@@ -18,9 +18,9 @@ from symmb._units import number_in, units_of_parameters
 from symmb.declare.symbolic import evaluated
 from symmb.equations.model import Scene, compile_dae
 from symmb.equations.start import prepare_start
-from symmb.run import simulation
+from symmb.run import integrate, simulation
 from symmb.run.formulations import program_of
-from symmb.run.integrate import EventDriven, Solver
+from symmb.run.integrate import Solver
 from symmb.run.simulation.dae_simulator import DAESimulator
 from symmb.run.simulation.figure_simulator import FigureSimulator
 from symmb.run.simulation.pilots import PilotRuns, given_program
@@ -125,7 +125,7 @@ def simulate(
     if not isinstance(parameters, Mapping | str | None) and isinstance(parameters, Sequence):
         return simulation.side_by_side(subject, parameters, check, tolerances)
     if tolerances and own.system.collected.has_events:
-        solver = EventDriven(**tolerances)
+        solver = integrate.EventDriven(**tolerances)
     values = parameter_values(own, {} if parameters is None else parameters)
     with Progress(f"{own.name}: equations") as progress:
         if isinstance(scene, DAESimulator):
