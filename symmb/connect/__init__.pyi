@@ -30,3 +30,4 @@ from .simulator import (
 )
 from .stored_simulator import StoredSimulator as StoredSimulator
 from .limited_calls import end_calls_of as end_calls_of
+from .simulator import is_recorded as is_recorded

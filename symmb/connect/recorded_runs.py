@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -57,6 +58,7 @@ class RecordedRuns(BlackBox):
     (array([[-1.]]), array([[2.]]))
     """
 
+    _is_recorded: ClassVar[bool] = True
     X: Array
     Y: Array
     ok: Mask

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeGuard, TypeVar, runtime_checkable
 
 import numpy as np
 
@@ -20,6 +20,9 @@ from symmb._magnitudes import ROUNDING
 from symmb._options import numbers_of, require_instance, shown
 from symmb._types import Array, Executor, Indices, Mask
 from symmb.connect.tasks import LostTask, finished
+
+if TYPE_CHECKING:
+    import symmb.connect as connect
 
 S = TypeVar("S")
 Progress = Callable[[int, int], None]
@@ -176,6 +179,11 @@ class SecondLook(Protocol):
     def second_look(self) -> None:
         """Make the two runs at the first call. Later calls do nothing."""
         ...
+
+
+def is_recorded(simulator: Simulator) -> "TypeGuard[connect.RecordedRuns]":
+    """Whether a simulator is RecordedRuns, which make no new runs. Other studies do not load this class."""
+    return getattr(type(simulator), "_is_recorded", False)
 
 
 def noise_from_runs(simulator: Simulator) -> Array | None:

@@ -11,3 +11,5 @@ from .sparse_grid import NearExtremes as NearExtremes
 from .oscillations import Waveforms as Waveforms
 from .tensor_grids import TensorGrids as TensorGrids
 from .outputs import PerOutput as PerOutput
+from .continuation import extrapolated_sizes as extrapolated_sizes
+from .continuation import largest as largest

@@ -7,7 +7,7 @@ from math import comb
 import numpy as np
 
 from symmb._types import Mask
-from symmb.bound.adaptive import continuation
+from symmb.bound import adaptive
 from symmb.bound.adaptive.check_points import (
     SAFETY,
     corner_design,
@@ -180,8 +180,8 @@ class _Confirmed:
         own = self._expansion
         if len(self._runs.box) > MOST_PARAMETERS:
             sizes = (rms(own.coefficients.swapaxes(0, 1)) / widths).max(axis=1)
-            ahead = continuation.extrapolated_sizes(self._grid, sizes)
-            return self._grid.grown(continuation.largest(ahead, len(self._grid.row) // 2))
+            ahead = adaptive.extrapolated_sizes(self._grid, sizes)
+            return self._grid.grown(adaptive.largest(ahead, len(self._grid.row) // 2))
         errors, degrees = relative_errors(self._truncation.directions, widths).max(axis=1), own.alpha.max(axis=0)
         is_far = relative_errors(self.evidence.error, widths).max() > FAR * self._tolerance
         new = higher(higher(degrees)) if is_far else higher(degrees)

@@ -7,3 +7,4 @@ from .polynomial_chaos import PolynomialChaos as PolynomialChaos
 from .registry import METHODS as METHODS, method_of as method_of, read_method as read_method
 from .sampling import MonteCarlo as MonteCarlo, Scanning as Scanning, Vertex as Vertex
 from .recorded import recorded_bounds as recorded_bounds
+from .sampling import sampled as sampled

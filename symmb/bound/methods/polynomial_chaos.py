@@ -21,7 +21,6 @@ from symmb.bound import nodes as fits
 from symmb.bound.adaptive import Studies, adaptive_bounds, studies
 from symmb.bound.answers import Bounds, Kind
 from symmb.bound.methods.method import Method, OfConstraints
-from symmb.bound.methods.sampling import sampled
 from symmb.bound.nodes import ClenshawCurtis, Gauss, Nodes
 from symmb.bound.polynomials import Basis, Expansion, TensorDegree, TotalDegree, ranges
 from symmb.bound.polynomials.ranges import Exact, Piecewise, Range, last_terms
@@ -39,7 +38,7 @@ from symmb.bound.responses import (
     together,
     which_failed,
 )
-from symmb.connect import March, Progress, RecordedRuns, Simulator, noise_from_runs
+from symmb.connect import March, Progress, Simulator, is_recorded, noise_from_runs
 from symmb.equations.model import Box, require_only_intervals
 
 _CLENSHAW_CURTIS, _GAUSS, _TENSOR_DEGREE, _EXACT = ClenshawCurtis(), Gauss(), TensorDegree(), Exact()
@@ -168,11 +167,11 @@ class PolynomialChaos(Method):
 
     def bounds(self, runs: RunsOverBox) -> Bounds:
         simulator, box, executor, progress = runs.simulator, runs.box, runs.executor, runs.progress
-        if isinstance(simulator, RecordedRuns) and self == PolynomialChaos():
+        if is_recorded(simulator) and self == PolynomialChaos():
             require_only_intervals(repr(simulator), box)
             return methods.recorded_bounds(repr(self), simulator, box)
         if self.order is None and not box.radius.any():
-            bounds = sampled(self, np.zeros((1, len(box))), runs)
+            bounds = methods.sampled(self, np.zeros((1, len(box))), runs)
             noise = noise_from_runs(simulator)
             estimate = np.zeros_like(bounds.lower) + (0.0 if noise is None else noise)
             return replace(bounds, estimate=estimate, noise=noise, range_of="one run")

@@ -16,7 +16,7 @@ from symmb.bound.methods import Method
 from symmb.bound.nodes import Sobol, corners
 from symmb.bound.propagation.check_runs import check_doubts, some_corners
 from symmb.bound.responses import gathered, parameter_samples
-from symmb.connect import Noisy, RecordedRuns, SecondLook, Simulator
+from symmb.connect import Noisy, SecondLook, Simulator, is_recorded
 from symmb.equations.model import Box, unused_parameters
 from symmb.run.simulation import DAESimulator, RandomSimulator, SceneSimulator, motion_of
 
@@ -76,7 +76,7 @@ def _unused_doubts(simulator: Simulator, box: Box) -> tuple[str, ...]:
 def far_intervals(simulator: Simulator, box: Box) -> Iterator[str]:
     """Warnings about intervals that differ from the nominal value by a factor of 100, often because of a wrong unit."""
     units = units_of_parameters(simulator.parameters)
-    if isinstance(simulator, RecordedRuns):  # nominal values are means of the runs
+    if is_recorded(simulator):  # nominal values are means of the runs
         return
     for name, (low, high) in zip(box.names, box.bounds, strict=True):
         value = float(simulator.parameters.get(name, low))  # unknown names are told later
@@ -105,7 +105,7 @@ def _without_effect(simulator: Simulator, box: Box, bounds: Bounds) -> list[str]
 
     Scenes need no runs for this remark, because their equations show which parameters have an effect.
     """
-    if isinstance(simulator, SceneSimulator | RecordedRuns):
+    if isinstance(simulator, SceneSimulator) or is_recorded(simulator):
         return []
     names, runs = idle_parameters(simulator, box, bounds, range(len(bounds.names)))
     if not names:

@@ -15,7 +15,7 @@ from symmb.bound.methods import Method, PolynomialChaos
 from symmb.bound.propagation.doubts import doubts_of_checks, doubts_of_runs, far_intervals, with_doubts
 from symmb.bound.propagation.study import Study
 from symmb.bound.reductions import bounded, over_parts
-from symmb.connect import Noisy, Progress, RecordedRuns, Simulator
+from symmb.connect import Noisy, Progress, Simulator, is_recorded
 from symmb.equations.model import Box, Scene
 from symmb.run.formulations import program_of
 from symmb.run.integrate import Solver
@@ -74,7 +74,7 @@ def propagate(
     method = PolynomialChaos() if method is None else methods.method_of("propagate", method)
     with shown_runs(progress, repr(method), method.unit_of_work) as progress:
         simulator, box = Subject.of(scene_or_simulator, solver, device=device).over(box)
-        if isinstance(simulator, RecordedRuns) and method != PolynomialChaos():
+        if is_recorded(simulator) and method != PolynomialChaos():
             raise simulator.refusal(f"{method!r}: ")
         far = tuple(far_intervals(simulator, box))
         warn_of(far, "propagate")  # now, because such a study may take long
@@ -106,7 +106,7 @@ def _finished(method: Method, simulator: Simulator, bounds: Bounds, executor: Ex
     values = ByName({k: float(v) for k, v in own.items()}, units_of_parameters(own))
     if nominal is None:  # black box: the study may have made this run
         nominal = bounds.nominal
-    study = None if isinstance(simulator, RecordedRuns) or box.constraints else Study(simulator, box, executor)
+    study = None if is_recorded(simulator) or box.constraints else Study(simulator, box, executor)
     known: dict[str, Any] = {"study": study, "nominal": nominal, "nominal_parameters": values}
     of_scene = isinstance(simulator, SceneSimulator)
     known["subject"] = simulator.name if of_scene else repr(simulator)

@@ -8,6 +8,7 @@ from typing import Any, cast
 
 import numpy as np
 
+import symmb.connect as connect
 from symmb._errors import DeclarationError, PropagationError
 from symmb._progress import shown_runs
 from symmb._types import Array, Executor
@@ -17,7 +18,7 @@ from symmb.bound.methods import PolynomialChaos
 from symmb.bound.nodes import Sobol
 from symmb.bound.reductions import bounded
 from symmb.bound.responses import FailedRuns, RunsUsedUpError, gathered, parameter_samples
-from symmb.connect import Simulator, is_shut_down, noise_from_runs
+from symmb.connect import Simulator, noise_from_runs
 from symmb.equations.model import Box, Scene
 from symmb.run.formulations import CardEnsemble
 from symmb.run.integrate import Solver
@@ -109,7 +110,7 @@ class Study:
 
     @property
     def _working(self) -> Executor | None:
-        return None if is_shut_down(self.executor) else self.executor
+        return None if connect.is_shut_down(self.executor) else self.executor
 
     @property
     def scene(self) -> Scene:

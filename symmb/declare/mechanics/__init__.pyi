@@ -84,3 +84,4 @@ from .shape_contact import (
 )
 from .state import Input as Input, OwnState as OwnState, Sampled as Sampled, State as State, States as States
 from .mesh_file import read_mesh as read_mesh
+from .body import is_flexible as is_flexible

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, TypeGuard
+from typing import TYPE_CHECKING, Any, ClassVar, TypeGuard
 
 import casadi as ca
 import numpy as np
@@ -15,6 +15,9 @@ from symmb.declare.mechanics.declaration import declared
 from symmb.declare.mechanics.geometry import Geometry, shapes_of
 from symmb.declare.mechanics.pose import Fixed, Frame, Particle, Planar, Pose, Spatial
 from symmb.declare.symbolic import ddt, is_zero, vector
+
+if TYPE_CHECKING:
+    from symmb.declare import mechanics
 
 TRIANGLE = 5e-4
 """Tolerance of the check of inertias. The largest principal moment may exceed the sum of the other two by this fraction
@@ -48,6 +51,7 @@ class AbstractBody(Located):
     frame: Frame
     com: tuple[Expr, ...]
     shapes: Sequence[Geometry] = ()
+    _is_flexible: ClassVar[bool] = False
 
     @property
     def owner(self) -> "AbstractBody":
@@ -281,3 +285,8 @@ def as_matrix(value: Expr, what: str, bind: Callable[..., ca.SX]) -> ca.SX:
             raise DeclarationError(f"{what}: the rows have {lengths} entries. Pass rows of one length.")
         return ca.vertcat(*[ca.horzcat(*[bind(entry, what) for entry in row]) for row in rows])
     return bind(value, what, any_size=True)
+
+
+def is_flexible(body: AbstractBody) -> "TypeGuard[mechanics.FlexibleBody]":
+    """Whether a body is a FlexibleBody. Scenes without flexible bodies do not load this class."""
+    return body._is_flexible

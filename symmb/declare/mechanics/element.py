@@ -39,6 +39,8 @@ class Element(ABC):
     """
 
     poses: ClassVar[tuple[tuple[type[Pose], ...], ...]] = ()
+    of_start: ClassVar[str | None] = None
+    """End of the name of the state whose value the start of a scene may give; None: no state."""
 
     name: str
 

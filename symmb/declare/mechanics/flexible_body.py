@@ -15,6 +15,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from numbers import Real
+from typing import ClassVar
 
 import casadi as ca
 import numpy as np
@@ -60,6 +61,7 @@ class FlexibleBody(Body):
     Wallrapp, Standardization of flexible body modeling in multibody system codes, Mech. Struct. Mach. 22 (1994).
     """
 
+    _is_flexible: ClassVar[bool] = True
     modes: Modes = field(kw_only=True)
 
     def __init__(self, name: str, modes: Modes, pose: Pose | None = None) -> None:

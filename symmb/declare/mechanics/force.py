@@ -4,7 +4,7 @@ from abc import abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import casadi as ca
 
@@ -18,6 +18,9 @@ from symmb.declare.mechanics.body import AbstractBody, Body, Point
 from symmb.declare.mechanics.element import Bind, Element, direction_faults
 from symmb.declare.mechanics.pose import Planar, Spatial
 from symmb.declare.symbolic import Kind, Symbol, components, ddt, is_time, is_zero, records_in, unit, vector
+
+if TYPE_CHECKING:
+    from symmb.declare import mechanics
 
 _LARGE_TURN = 0.5
 """Angle [rad] at which the moment of a Bushing, which uses the sine, is 4 % below the moment of a linear spring."""
@@ -87,6 +90,14 @@ class ForceElement(Element):
     @abstractmethod
     def actions(self, bind: Bind, masses: Sequence[tuple[Body, ca.SX]]) -> Iterator[Action]:
         """The actions of the force; `masses` lists every body of the system with its mass."""
+
+    def impacts(self, bind: Bind) -> "tuple[mechanics.Impact, ...]":
+        """The impacts of the force, as at the limits of a Stop."""
+        return ()
+
+    def events(self, bind: Bind) -> "tuple[mechanics.JointEvent, ...]":
+        """The events of the force, as of a Clutch."""
+        return ()
 
 
 @dataclass(frozen=True, eq=False)

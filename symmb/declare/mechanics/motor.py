@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import ClassVar
 
 import casadi as ca
 
@@ -57,6 +58,7 @@ class Motor(JointForce):
     (array([  0., 120.]), array([0., 0.]))
     """
 
+    of_start: ClassVar[str | None] = ".current"
     voltage: Expr
     resistance: Expr = field(metadata=POSITIVE)
     torque_constant: Expr

@@ -26,6 +26,7 @@ class OwnState(Element):
     """
 
     law_field: ClassVar[str]
+    of_start: ClassVar[str | None] = ""
 
     name: str
     symbols: tuple[Symbol, ...] = field(init=False, repr=False)

@@ -32,3 +32,4 @@ from .restart import Restart as Restart
 from .restart import EndedRun as EndedRun
 from .figures import bound_figure as bound_figure
 from .uncertainty_file import records_in_file as records_in_file
+from .figures import BoundFigure as BoundFigure

@@ -13,7 +13,6 @@ import numpy as np
 from symmb.declare.mechanics import (
     Action,
     Body,
-    Clutch,
     Constraint,
     Element,
     ForceElement,
@@ -30,7 +29,6 @@ from symmb.declare.mechanics import (
     Particle,
     Sampled,
     Spatial,
-    Stop,
     closed_at_start,
     row_gates,
 )
@@ -238,8 +236,8 @@ def _write_equations(
     masses = [(b, mass) for b, (mass, _) in inertial]
     constraints, forces = _of_kind(Constraint, elements), _of_kind(ForceElement, elements)
     impacts, states = _of_kind(Impact, elements), _of_kind(OwnState, elements)
-    for stop in _of_kind(Stop, elements):
-        impacts += attempt((), stop.impacts, bind)
+    for force in forces:
+        impacts += attempt((), force.impacts, bind)
     for state in states:
         attempt(None, state.settle)
         attempt(None, bind.check, state.symbols[0].rate, f"{state.title}: rate")
@@ -247,8 +245,8 @@ def _write_equations(
     sampled = [(e, attempt(ca.SX(0), bind, e.law, f"{e.title}: law")) for e in settled]
     actions = {f: attempt((), lambda f: tuple(f.actions(bind, masses)), f, what=f.title) for f in forces}
     declared = faults.each(nothing, lambda c: c.position_rows(bind), constraints)
-    of_clutches = chain.from_iterable(attempt((), clutch.events, bind) for clutch in _of_kind(Clutch, elements))
-    events = [(e, ca.SX(1)) for e in (*_of_kind(JointEvent, elements), *of_clutches)]
+    of_forces = chain.from_iterable(attempt((), force.events, bind) for force in forces)
+    events = [(e, ca.SX(1)) for e in (*_of_kind(JointEvent, elements), *of_forces)]
     equations = _Equations(
         constraints=constraints,
         impacts=impacts,

@@ -22,7 +22,6 @@ from symmb.declare.symbolic import reduction, t
 from symmb.equations import model
 from symmb.equations.model.box import Box
 from symmb.equations.model.choices import hint
-from symmb.equations.model.figures import BoundFigure
 from symmb.equations.model.start_values import Prescribed, listed_values, with_modes
 from symmb.equations.model.system import System
 from symmb.equations.model.units import units_of
@@ -260,7 +259,7 @@ class Scene:
                 ratio_of("outputs", what, asked, known)
 
     @cached_property
-    def figures(self) -> dict[str, BoundFigure]:
+    def figures(self) -> "dict[str, model.BoundFigure]":
         """The scalar outputs by name."""
         bound, faults = {}, Faults()
         for name, (output, unit) in self.asked.items():

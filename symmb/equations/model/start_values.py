@@ -10,7 +10,7 @@ from symmb._errors import DeclarationError, Faults, faults_of
 from symmb._names import did_you_mean
 from symmb._options import shown
 from symmb._types import Expr
-from symmb.declare.mechanics import Joint, Motor, OwnState, Rotation, Spatial
+from symmb.declare.mechanics import Element, Joint, Rotation, Spatial
 from symmb.declare.symbolic import Kind, Symbol, components, records_in
 from symmb.equations.model.system import System
 
@@ -91,11 +91,7 @@ class _Values:
         self._decoupled = {name for x, _, vx, _ in c.decoupled for name in (x, vx)}
         self._spatial = {b.name for b in c.bodies if isinstance(b.pose, Spatial)}
         self._joints = {e.name: e for e in system.elements if isinstance(e, Joint)}
-        own = [
-            e.name if isinstance(e, OwnState) else f"{e.name}.current"
-            for e in system.elements
-            if isinstance(e, OwnState | Motor)
-        ]
+        own = [f"{e.name}{e.of_start}" for e in system.elements if isinstance(e, Element) and e.of_start is not None]
         self._states = {state.name for state in c.states} & {*own}
         self.q: dict[int, ca.SX] = {}
         self.v: dict[int, ca.SX] = {}

@@ -12,7 +12,7 @@ import numpy as np
 from symmb._errors import AssemblyError
 from symmb._magnitudes import NOTHING, SLIGHT
 from symmb._types import Array, Indices, Mask
-from symmb.declare.mechanics import Constraint, FlexibleBody
+from symmb.declare.mechanics import Constraint, is_flexible
 from symmb.declare.symbolic import batch, shared
 from symmb.equations import start as starts
 from symmb.equations.model import DAE, Scene
@@ -144,7 +144,7 @@ def _unstretched(scene: Scene) -> Iterator[str]:
     """Warnings about flexible bodies in which no mode changes the distance between two nodes with joints."""
     joints = [element for element in scene.system.elements if isinstance(element, Constraint)]
     for body in scene.system.bodies:
-        if not isinstance(body, FlexibleBody) or not len(body.modes.stiffness):
+        if not is_flexible(body) or not len(body.modes.stiffness):
             continue
         carriers = [carrier for joint in joints for carrier in joint.bodies()]
         held = sorted({n for carrier in carriers if (n := body.number_of(carrier)) is not None})

@@ -9,9 +9,9 @@ import numpy as np
 
 from symmb._types import Array, Axes, Figure, GivenAxes
 from symmb.results.plot.colours import BAND_COLOUR, RUN_COLOUR, colour_of
+from symmb.results.plot.drawn import MOST_PANELS
 from symmb.results.plot.layout import (
     DASHES,
-    MOST_PANELS,
     abscissa,
     along,
     axes_in,

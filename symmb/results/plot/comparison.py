@@ -8,6 +8,7 @@ import numpy as np
 from symmb._types import Array, Axes, Figure, Mask
 from symmb.results.plot.bounds import Band, PlottedBounds, draw_bounds
 from symmb.results.plot.colours import colour_of
+from symmb.results.plot.drawn import MOST_PANELS
 from symmb.results.plot.layout import (
     DASHES,
     DIAGRAM_HEIGHT,
@@ -15,7 +16,6 @@ from symmb.results.plot.layout import (
     HEAD_HEIGHT,
     LEAST_ERROR,
     MARKERS,
-    MOST_PANELS,
     ROW_HEIGHT,
     axes_in,
     cyclic,

@@ -6,9 +6,9 @@ import numpy as np
 
 from symmb._types import Array, Figure
 from symmb.results.plot.colours import COLOURS
+from symmb.results.plot.drawn import MOST_PANELS
 from symmb.results.plot.layout import (
     DASHES,
-    MOST_PANELS,
     abscissa,
     along,
     bars,

@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from symmb import _html as html
 from symmb._table import aligned
 from symmb._units import told_names
-from symmb.results.plot.layout import MOST_PANELS, columns_of, finish, labels, png
-from symmb.results.plot.style import Style
+from symmb.results import plot
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+MOST_PANELS = 6
+"""Largest number of outputs with panels. With more outputs the panels are too small to read."""
 
 
 class Panels:
@@ -32,7 +34,7 @@ class Panels:
         """The table, with these names instead of the names of the outputs."""
         raise NotImplementedError
 
-    def _figure(self, columns: list[int] | None, style: Style) -> "Figure":
+    def _figure(self, columns: list[int] | None, style: "plot.Style") -> "Figure":
         """The picture of some outputs, or of all outputs."""
         raise NotImplementedError
 
@@ -45,11 +47,11 @@ class Panels:
 
     def _tabulated(self) -> str:
         """The head and the table as HTML."""
-        rows = self._rows(labels(self.names, getattr(self, "units", ()))) if self.names else []
+        rows = self._rows(plot.labels(self.names, getattr(self, "units", ()))) if self.names else []
         return html.page(html.text(self._head()), html.table(rows, self._left) if rows else "")
 
     def _repr_html_(self) -> str:
-        picture = html.picture(png(self._drawn(outputs=self.names[: self._most]))) if self.names else ""
+        picture = html.picture(plot.png(self._drawn(outputs=self.names[: self._most]))) if self.names else ""
         return html.page(self._tabulated(), picture)
 
     def _drawn(
@@ -62,8 +64,8 @@ class Panels:
         **look: Any,
     ) -> "Figure":
         owner = f"{type(self).__name__}.plot"
-        figure = self._figure(columns_of(owner, outputs, self.names), Style(owner, ax, **look))
-        return finish(figure, owner, path, ax, figsize, title)
+        figure = self._figure(plot.columns_of(owner, outputs, self.names), plot.Style(owner, ax, **look))
+        return plot.finish(figure, owner, path, ax, figsize, title)
 
 
 class OverTime(Panels):
@@ -127,7 +129,7 @@ class ThreeDiagrams:
     def __repr__(self) -> str:
         return str(self)
 
-    def _figure(self, style: Style) -> "Figure":
+    def _figure(self, style: "plot.Style") -> "Figure":
         """The picture, in a new figure or in up to three axes of the caller."""
         raise NotImplementedError
 
@@ -162,4 +164,4 @@ class ThreeDiagrams:
             If the file cannot be written. A previous file is kept
         """
         owner = f"{type(self).__name__}.plot"
-        return finish(self._figure(Style(owner, ax, **look)), owner, path, ax, figsize, title)
+        return plot.finish(self._figure(plot.Style(owner, ax, **look)), owner, path, ax, figsize, title)

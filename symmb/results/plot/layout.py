@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 
 PICTURES = (".png", ".pdf", ".svg")
 """Formats of pictures."""
-MOST_PANELS = 6
-"""Largest number of outputs with panels. With more outputs the panels are too small to read."""
 ROW_HEIGHT, HEAD_HEIGHT, DIAGRAM_HEIGHT = 1.8, 0.3, 3.8
 """Heights of a row of panels, of the title and of a diagram [inch]."""
 _NARROW_LINE = 50

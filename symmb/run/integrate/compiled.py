@@ -11,7 +11,8 @@ import numpy as np
 from symmb._errors import PropagationError
 from symmb._interrupts import carry_runs, runs_of
 from symmb._types import Array
-from symmb.equations.model import DAE, Impacts
+from symmb.equations import model
+from symmb.equations.model import DAE
 from symmb.equations.start import Start
 from symmb.run.codegen import Engine, FixedStep, Lanes, StepTolerances, require_compiler
 from symmb.run.events import events_of, longest_step
@@ -154,7 +155,7 @@ class CompiledIntegration(Integration):
         return {name: count for name, count in named.items() if count}
 
 
-def impacts_text(impacts: Impacts) -> str:
+def impacts_text(impacts: "model.Impacts") -> str:
     """The impacts by name, for messages."""
     titles = () if impacts.joints is None else impacts.joints.titles
     return ", ".join(dict.fromkeys([*(f"Impact {name!r}" for name in impacts.names), *titles]))

@@ -19,7 +19,6 @@ from symmb.run.integrate.projection import sampled_jets
 from symmb.run.integrate.stabilization import AugmentedLagrangian, Stabilization
 from symmb.run.integrate.step_ends import StopsInTime, stops_in_time
 from symmb.run.integrate.switch_passes import SwitchPasses
-from symmb.run.schemes import Step
 
 MOST_VELOCITIES = 300
 """Maximum number of velocities. For more velocities, a C compiler needs minutes to compile a Newton matrix.
@@ -35,7 +34,7 @@ class _SchemeSolver(CompiledSolver):
         return dae.n_v <= MOST_VELOCITIES
 
     @abstractmethod
-    def scheme(self, dae: DAE, order: int, work: bool) -> Step:
+    def scheme(self, dae: DAE, order: int, work: bool) -> "schemes.Step":
         """The symbolic step for Taylor coefficients up to `order`."""
 
     def lanes(self, task: Task) -> Lanes:
@@ -130,7 +129,7 @@ class Rosenbrock(_SchemeSolver):
     def controls_step(self) -> bool:
         return self.step is None
 
-    def scheme(self, dae: DAE, order: int, work: bool) -> Step:
+    def scheme(self, dae: DAE, order: int, work: bool) -> "schemes.Step":
         # Without multipliers, errors are smaller, but the matrix of all velocities is full.
         # Largest number of velocities for which a full Newton matrix takes no more time than a sparse one.
         # tests/benchmarks/latency.py
@@ -146,10 +145,10 @@ class _PositionScheme(_SchemeSolver):
     step: float
 
     @abstractmethod
-    def formula(self, dae: DAE, work: bool) -> Step:
+    def formula(self, dae: DAE, work: bool) -> "schemes.Step":
         """The symbolic step of the scheme."""
 
-    def scheme(self, dae: DAE, order: int, work: bool) -> Step:
+    def scheme(self, dae: DAE, order: int, work: bool) -> "schemes.Step":
         return self.formula(dae, work).jets(order)
 
 
@@ -179,7 +178,7 @@ class NSTIFFSI2(_PositionScheme):
     rtol: float | None = None
     tolerance: float = 1e-8
 
-    def formula(self, dae: DAE, work: bool) -> Step:
+    def formula(self, dae: DAE, work: bool) -> "schemes.Step":
         return schemes.nstiff_si2(dae, work)
 
     def step_control(self, dae: DAE, times: Array, order: int = 0, n_quad: int = 0) -> StepTolerances | FixedStep:
@@ -209,7 +208,7 @@ class BDFI3(_PositionScheme):
     step: float = 1e-3
     tolerance: float = 1e-12
 
-    def formula(self, dae: DAE, work: bool) -> Step:
+    def formula(self, dae: DAE, work: bool) -> "schemes.Step":
         return schemes.nstiff_si2(dae, work, stabilized=False)
 
 
@@ -220,7 +219,7 @@ class _AlphaScheme(_PositionScheme):
     def coefficients(self) -> tuple[float, float, float]:
         """The coefficients alpha_m, alpha_f and gamma of `schemes.generalized_alpha`."""
 
-    def formula(self, dae: DAE, work: bool) -> Step:
+    def formula(self, dae: DAE, work: bool) -> "schemes.Step":
         return schemes.generalized_alpha(dae, work, *self.coefficients())
 
 

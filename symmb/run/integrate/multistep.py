@@ -148,7 +148,7 @@ class _MultistepIntegration(Integration):
             self.count(smooth.integrator)
             return y
 
-        walk = SideWalk(smooth.equations, p, stops, float(np.ptp(self.times)), integrate.one_sided, free)
+        walk = SideWalk(smooth.equations, p, stops, float(np.ptp(self.times)), one_sided, free)
 
         def piece(begin: float, end: float, x: Array) -> tuple[Array, Array]:
             y = walk.piece(begin, end, np.concatenate([x * units, np.zeros(self.n_quad)]))

@@ -96,7 +96,7 @@ class _Linearization:
         A, B, C, D = (np.ascontiguousarray(part) for part in (J[:n, :n], J[:n, n:], J[n:, :n], J[n:, n:]))
         try:
             full = A - B @ np.linalg.solve(D, C)
-            return np.linalg.eigvals(full) if np.isfinite(full).all() else np.full(n, np.nan)
+            return np.linalg.eigvals(full) if np.isfinite(full).all() else np.full(n, np.nan)  # pyright: ignore[reportReturnType]
         except np.linalg.LinAlgError:
             return np.full(n, np.nan)
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from symmb._errors import SimulationError
 from symmb._types import Array
-from symmb.declare.mechanics import FlexibleBody
+from symmb.declare.mechanics import is_flexible
 from symmb.declare.symbolic import batch, common
 from symmb.equations.model import Scene
 from symmb.run.formulations import Formulation, program_of
@@ -81,7 +81,7 @@ class Origin:
         places, turns = [], []
         for body in system.bodies:
             places.append(body.frame.velocity)
-            if isinstance(body, FlexibleBody):
+            if is_flexible(body):
                 places += [body.node(number).velocity for number in range(len(body.modes.positions))]
             turns.append(body.frame.omega)
         moved = [ca.densify(self.scene.expression(ca.vertcat(*some))) for some in (places, turns)]

@@ -13,7 +13,7 @@ from symmb._names import ByName
 from symmb._options import require_instance, require_numbers, whole
 from symmb._types import Array, Executor
 from symmb.connect import Progress, Reduction, Samples, checked_samples, stream
-from symmb.declare.mechanics import FlexibleBody
+from symmb.declare.mechanics import is_flexible
 from symmb.declare.symbolic import HIGHEST_ORDER, batch
 from symmb.equations.model import Scene
 from symmb.run import codegen
@@ -96,8 +96,8 @@ class DAESimulator(WithWarnings):
         self.solver, self.times, self.bodies = program.solver, program.times, program.bodies
         self.dae, self.start, self.y = self.bodies.dae, self.bodies.start, self.bodies.y
         self.formulation, self.coordinates = program.formulation, program.coordinates
-        is_flexible = self.scene and any(isinstance(body, FlexibleBody) for body in self.scene.system.bodies)
-        self.ways = OtherWays(program, self.outputs, self.scene if is_flexible else None)
+        has_flexible = self.scene and any(is_flexible(body) for body in self.scene.system.bodies)
+        self.ways = OtherWays(program, self.outputs, self.scene if has_flexible else None)
         self.doubts: tuple[str, ...] = self.start.doubts
         self.noise: Array | None = None
         self.nominal: Array | None = None

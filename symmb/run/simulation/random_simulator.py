@@ -13,7 +13,8 @@ from symmb._names import ByName
 from symmb._types import Array, Executor
 from symmb._units import told_names, units_of_parameters, values_text
 from symmb.connect import Ensemble, Progress, Reduction, checked_samples, stream
-from symmb.declare.mechanics import LEVELS, RandomInput
+from symmb.declare import mechanics
+from symmb.declare.mechanics import Input
 from symmb.declare.symbolic import ddt, t
 from symmb.equations.model import Scene
 from symmb.run.integrate import Solver
@@ -33,10 +34,10 @@ _RTOL = 1e-4
 """Default relative tolerance of the solver. Its errors are smaller than those of averages over 1000 realizations."""
 
 
-def random_inputs(scene: Scene) -> tuple[RandomInput, ...]:
+def random_inputs(scene: Scene) -> "tuple[mechanics.RandomInput, ...]":
     """The random inputs of a scene whose seeds are not parameters."""
-    inputs = (e for e in scene.system.elements if isinstance(e, RandomInput))
-    return tuple(e for e in inputs if e.name in scene.system.inputs)
+    inputs = [e for e in scene.system.elements if isinstance(e, Input)]  # most scenes have none
+    return tuple(e for e in inputs if isinstance(e, mechanics.RandomInput) and e.name in scene.system.inputs)
 
 
 class RandomSimulator(WithWarnings):
@@ -62,7 +63,7 @@ class RandomSimulator(WithWarnings):
     """
 
     def __init__(
-        self, scene: Scene, inputs: Sequence[RandomInput], solver: Solver | None, card: "Card | None" = None
+        self, scene: Scene, inputs: "Sequence[mechanics.RandomInput]", solver: Solver | None, card: "Card | None" = None
     ) -> None:
         if scene.curve_names:
             raise DeclarationError(
@@ -97,7 +98,7 @@ class RandomSimulator(WithWarnings):
             return None
         # Seeds with the same remainder have the same amplitudes and frequencies, so that their averages include the
         # error of few amplitudes. It cancels in averages over time, for which groups of any seeds are used.
-        number = int(np.clip(len(self.seeds) // _GROUP, 2, LEVELS))
+        number = int(np.clip(len(self.seeds) // _GROUP, 2, mechanics.LEVELS))
         p, found = np.array([*self.parameters.values()]), list[Array]()
         for seeds in (self.seeds, np.random.default_rng(0).permutation(self.seeds)):
             values = np.array([self._averages(p, seeds[k::number])[0] for k in range(number)])
@@ -149,7 +150,7 @@ class RandomSimulator(WithWarnings):
         return connect.digest(self.runs.identity(), self.runs.curves.times, self.seeds)
 
 
-def _coarse(scene: Scene, inputs: Sequence[RandomInput]) -> list[str]:
+def _coarse(scene: Scene, inputs: "Sequence[mechanics.RandomInput]") -> list[str]:
     """Warnings about output times that are further apart than the shortest wave of an input.
 
     Raises

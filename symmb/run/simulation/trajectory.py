@@ -351,7 +351,7 @@ class Trajectory(plot.OverTime, Result, ByOutput, WithWarnings, files.Saved):
             "text": self._text,
         }
 
-    def _table(self) -> files.Table:
+    def _table(self) -> "files.Table":
         columns = self.t, *self.values.T
         return dict(zip(headings(self.names, self.units, self.parameters), columns, strict=True))
 

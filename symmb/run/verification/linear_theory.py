@@ -6,7 +6,8 @@ import casadi as ca
 import numpy as np
 
 from symmb._types import Array
-from symmb.declare.mechanics import FlexibleBody
+from symmb.declare import mechanics
+from symmb.declare.mechanics import is_flexible
 from symmb.declare.symbolic import batch
 from symmb.equations.model import DAE, Scene
 from symmb.run.formulations import output_function
@@ -42,14 +43,14 @@ def linear_theory_doubts(scene: Scene, dae: DAE, X: Array, p: Array, t: Array) -
 def deformation_doubts(scene: Scene, dae: DAE, X: Array, p: Array, t: Array) -> Iterator[str]:
     """Warnings about flexible bodies that bend or spin too much, or have modes for parameters other than p (n_p,)."""
     for k, body in enumerate(scene.system.bodies):
-        if isinstance(body, FlexibleBody) and (n := len(body.modes.stiffness)):
+        if is_flexible(body) and (n := len(body.modes.stiffness)):
             moved = ca.vertcat(body.eta, body.frame.omega)
             f = scene.remembered((deformation_doubts, k), lambda: output_function(dae, scene, moved))  # noqa: B023
             eta, omega = np.split(batch(f, X, p, t[:, None])[0].reshape(len(t), -1), [n], axis=1)
             yield from (*_turned(body, eta, t), *_spun(body, omega, t), *_beyond(scene, body, p))
 
 
-def _turned(body: FlexibleBody, eta: Array, t: Array) -> Iterator[str]:
+def _turned(body: "mechanics.FlexibleBody", eta: Array, t: Array) -> Iterator[str]:
     turn = body.modes.turns(eta)
     first, worst = t[int((turn > TURN).argmax())], t[int(turn.argmax())]
     if turn.max() > TURN:
@@ -60,7 +61,7 @@ def _turned(body: FlexibleBody, eta: Array, t: Array) -> Iterator[str]:
         )
 
 
-def _beyond(scene: Scene, body: FlexibleBody, p: Array) -> Iterator[str]:
+def _beyond(scene: Scene, body: "mechanics.FlexibleBody", p: Array) -> Iterator[str]:
     family, values = body.modes.family, dict(zip(scene.system.parameters, p.tolist(), strict=True))
     # Largest relative error of squared frequencies because of common mode shapes for a box of parameters.
     if family is not None and family.error > 0.01:
@@ -76,7 +77,7 @@ def _beyond(scene: Scene, body: FlexibleBody, p: Array) -> Iterator[str]:
             )
 
 
-def _spun(body: FlexibleBody, omega: Array, t: Array) -> Iterator[str]:
+def _spun(body: "mechanics.FlexibleBody", omega: Array, t: Array) -> Iterator[str]:
     modes = body.modes
     J = modes.J0 - modes.mass * (modes.center @ modes.center * np.eye(3) - np.outer(modes.center, modes.center))
     # Spin about its axis stretches a slender body only little.

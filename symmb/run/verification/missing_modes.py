@@ -15,8 +15,8 @@ import casadi as ca
 import numpy as np
 
 from symmb._types import Array
-from symmb.declare.mechanics import Constraint, FlexibleBody
-from symmb.declare.structures import Responses
+from symmb.declare import mechanics, structures
+from symmb.declare.mechanics import Constraint, is_flexible
 from symmb.declare.symbolic import batch, common
 from symmb.declare.symbolic import t as time_symbol
 from symmb.equations.model import DAE, Scene
@@ -36,7 +36,7 @@ class AttachedLoads:
     wrenches : (6 m,) SX       force and moment at each node, in the axes of the frame of the body
     """
 
-    body: FlexibleBody
+    body: "mechanics.FlexibleBody"
     columns: tuple[int, ...]
     nodes: tuple[int, ...]
     loaded: tuple[int, ...]
@@ -48,7 +48,7 @@ class AttachedLoads:
         return len(self.columns) - len(self.body.modes.stiffness)
 
     @cached_property
-    def responses(self) -> Responses | None:
+    def responses(self) -> "structures.Responses | None":
         """The responses of the structure to the wrenches; None if the structure is not known."""
         structure = self.body.modes.flexibility
         return None if structure is None or not self.loaded else structure.responses(self.nodes)
@@ -88,11 +88,11 @@ class AttachedLoads:
 
 def attached_loads(scene: Scene) -> tuple[AttachedLoads, ...]:
     """The loads of all flexible bodies with modes, in the order of the bodies."""
-    bodies = [body for body in scene.system.bodies if isinstance(body, FlexibleBody) and len(body.modes.stiffness)]
+    bodies = [body for body in scene.system.bodies if is_flexible(body) and len(body.modes.stiffness)]
     return scene.remembered(attached_loads, lambda: tuple(_loads_of(scene, body) for body in bodies))
 
 
-def _loads_of(scene: Scene, body: FlexibleBody) -> AttachedLoads:
+def _loads_of(scene: Scene, body: "mechanics.FlexibleBody") -> AttachedLoads:
     numbers = {v.element_hash(): k for k, v in enumerate(ca.vertsplit(scene.system.v))}
     columns = tuple(numbers[v.element_hash()] for v in ca.vertsplit(body.frame.v))
     rigid = list(columns[: len(columns) - len(body.modes.stiffness)])
@@ -105,7 +105,7 @@ def _loads_of(scene: Scene, body: FlexibleBody) -> AttachedLoads:
     return AttachedLoads(body, columns, nodes, loaded, ca.vertcat(*(wrenches.get(k, ca.SX(6, 1)) for k in nodes)))
 
 
-def _of_forces(scene: Scene, body: FlexibleBody) -> Iterator[tuple[int, ca.SX]]:
+def _of_forces(scene: Scene, body: "mechanics.FlexibleBody") -> Iterator[tuple[int, ca.SX]]:
     """Node and wrench of every load."""
     R = body.frame.R
     for load in scene.system.collected.loads:
@@ -114,7 +114,7 @@ def _of_forces(scene: Scene, body: FlexibleBody) -> Iterator[tuple[int, ca.SX]]:
             yield number, ca.vertcat(R.T @ load.force, R.T @ load.body.frame.R @ load.torque)
 
 
-def _of_constraints(scene: Scene, body: FlexibleBody, rigid: list[int]) -> Iterator[tuple[int, ca.SX]]:
+def _of_constraints(scene: Scene, body: "mechanics.FlexibleBody", rigid: list[int]) -> Iterator[tuple[int, ca.SX]]:
     """Node and wrench of every constraint at one node, from its work in motions of the frame (columns `rigid` of G)."""
     system, frame = scene.system, body.frame
     for element in system.elements:
@@ -133,7 +133,7 @@ def _of_constraints(scene: Scene, body: FlexibleBody, rigid: list[int]) -> Itera
             yield number, ca.vertcat(force, moment - ca.cross(frame.R.T @ (carrier.frame.r - frame.r), force))
 
 
-def _clamped(body: FlexibleBody) -> int | None:
+def _clamped(body: "mechanics.FlexibleBody") -> int | None:
     structure = body.modes.flexibility
     return None if structure is None else structure.clamped_node
 
