@@ -8,6 +8,7 @@ import sys
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -183,10 +184,55 @@ def modules_after(code: str) -> set[str]:
     return {*subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()}
 
 
-@pytest.mark.parametrize("names", ["", "[getattr(symmb, name) for name in symmb.__all__]"])
+@pytest.mark.parametrize("names", ["", "[getattr(symmb, name) for name in symmb.__all__]"], ids=["none", "all"])
 def test_import_is_lean(names):
     """Neither `import symmb` nor the first use of all its public names loads a heavy package."""
     assert not modules_after(f"import symmb\n{names}") & {*HEAVY}
+
+
+PLAIN = "import symmb\nfrom symmb.models import {model}\nscene = {model}.scene()\nsymmb.simulate(scene)\n"
+"""A first run, as in a notebook."""
+NOT_FOR_A_RUN = """bound connect.executors connect.run_database declare.mechanics.actuator declare.mechanics.clutch
+    declare.mechanics.flexible_body declare.mechanics.robots declare.structures equations.model.c_export
+    equations.model.contact_equations equations.model.uncertainty_file prove results.files.formats results.plot.layout
+    run.codegen.card run.integrate.registry run.linear run.simulation.sweep show study"""
+NOT_FOR_BOUNDS = """bound.adaptive.oscillations bound.answers.contributions
+    bound.answers.probabilities bound.answers.statistical bound.methods.optimization bound.methods.registry
+    bound.methods.taylor_model prove.boxes prove.scene_problem"""
+OF_OTHERS = "scipy numpy.f2py numpy.testing sympy matplotlib sqlite3 tomllib xml email importlib.metadata".split()
+
+
+@pytest.mark.parametrize("model", ["double_pendulum", "four_bar"])
+@pytest.mark.parametrize(
+    "then, unneeded, most",
+    [
+        ("", NOT_FOR_A_RUN, 175),
+        ("symmb.propagate(scene)", NOT_FOR_A_RUN.replace("bound ", "").replace(" prove ", " ") + NOT_FOR_BOUNDS, 255),
+    ],
+    ids=["run", "bounds"],
+)
+def test_a_first_answer_loads_what_its_scene_needs(model, then, unneeded, most):
+    """A module takes 0.6 ms, most of it for dataclasses, so that all modules would take longer than the answer.
+
+    The limits are a few modules above what the two scenes load. If a feature exceeds them, use its names as
+    `room.Name`, so that the scenes with the feature load it; see `_doors`.
+    """
+    loaded = modules_after(PLAIN.format(model=model) + then)
+    unneeded = [*OF_OTHERS, *(f"symmb.{name}" for name in unneeded.split())]
+    opened = {f"symmb.{name}" for name in (*WINGS, *ROOMS)}  # doors cost little
+    found = [name for name in loaded - opened if any(name == own or name.startswith(f"{own}.") for own in unneeded)]
+    assert not found
+    assert len([name for name in loaded if name.split(".")[0] == "symmb"]) <= most
+
+
+def test_doors_list_names_of_their_rooms():
+    """Each listed name exists, and stays what it is when its module, or a module with this name, is loaded."""
+    for path in ROOT.rglob("__init__.pyi"):
+        door = importlib.import_module(module_name(path.with_suffix(".py")))
+        for name in door.__all__:
+            value = getattr(door, name)
+            assert not isinstance(value, ModuleType) and getattr(door, name) is value
+            assert name in dir(door)
 
 
 def room(module: str) -> str:

@@ -16,7 +16,7 @@ from symmb.bound.adaptive.clock import Clock
 from symmb.bound.adaptive.first_grid import FirstGrid
 from symmb.bound.adaptive.runs import Runs
 from symmb.bound.adaptive.small_study import Problem
-from symmb.bound.adaptive.studies import ROW, STUDIES, decided
+from symmb.bound.adaptive.studies import decided, row, studies
 from symmb.bound.adaptive.surrogate import EstimatedRange, Evidence
 from symmb.run.simulation import Subject
 
@@ -36,13 +36,13 @@ def swing(**box):
 def test_the_row_says_when_each_study_is_used():
     text = str(mb.PolynomialChaos().studies)
     assert [line.split(",")[0] for line in text.splitlines() if line[0] != " "] == [
-        f"{k}. {study.name}" for k, study in enumerate(STUDIES, 1)
+        f"{k}. {study.name}" for k, study in enumerate(studies(), 1)
     ]
     assert "1. first grid, if runs of a scene of two" in text and "checks 12" in text
     refused("has one grid", lambda: mb.PolynomialChaos(order=3).studies)
 
 
-@pytest.mark.parametrize("study", STUDIES, ids=lambda study: study.name)
+@pytest.mark.parametrize("study", studies(), ids=lambda study: study.name)
 def test_numbers_of_a_study_cannot_be_changed(study):
     with pytest.raises(AttributeError):
         study.name = "other"
@@ -75,7 +75,8 @@ def test_outputs_that_a_study_decides_are_left_to_no_other():
     own = problem(*swing(**TWO))
     found = decided(own)
     assert not own.open.any() and found.lower.shape == (len(T), 2)
-    assert len(own.runs) == len(ROW[0]._first(own.runs).alpha) + ROW[0].checks
+    first = next(row())
+    assert len(own.runs) == len(first._first(own.runs).alpha) + first.checks
 
 
 @pytest.mark.parametrize("seed", range(4))
