@@ -94,13 +94,14 @@ from .run.integrate.casadi_solvers import CVODES as CVODES, IDAS as IDAS, Colloc
 from .run.integrate.casadi_solvers import StabilizedIndex2 as StabilizedIndex2
 from .run.integrate.event_driven import EventDriven as EventDriven
 from .run.integrate.explicit import DormandPrince as DormandPrince, RungeKutta as RungeKutta
-from .run.integrate.implicit import (
+from .run.integrate.position_schemes import (
     BDFI3 as BDFI3,
     HHT as HHT,
     NSTIFFSI2 as NSTIFFSI2,
     GeneralizedAlpha as GeneralizedAlpha,
 )
-from .run.integrate.implicit import Newmark as Newmark, Rosenbrock as Rosenbrock
+from .run.integrate.position_schemes import Newmark as Newmark
+from .run.integrate.implicit import Rosenbrock as Rosenbrock
 from .run.integrate.stabilization import AugmentedLagrangian as AugmentedLagrangian, Baumgarte as Baumgarte
 from .run.integrate.stabilization import Projection as Projection
 from .run.integrate.state_space import StateSpace as StateSpace

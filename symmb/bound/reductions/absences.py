@@ -14,13 +14,14 @@ from symmb._errors import PropagationError
 from symmb._magnitudes import SAME
 from symmb._names import counted
 from symmb._types import Array
+from symmb.bound import methods
 from symmb.bound.answers import Bounds
-from symmb.bound.methods import Method, MonteCarlo, bounds_of
+from symmb.bound.methods import Method, bounds_of
 from symmb.bound.responses import RunsOverBox
 from symmb.run.simulation import FigureSimulator, never_holds
 
-_SAMPLES = MonteCarlo(1000)
-"""Runs for the bounds of `value_at`, if its condition never holds in most runs of a method."""
+_SAMPLES = 1000
+"""Number of runs for the bounds of `value_at`, if its condition never holds in most runs of a method."""
 
 
 def bounds_with_absences(method: Method, runs: RunsOverBox) -> Bounds:
@@ -46,7 +47,7 @@ def bounds_with_absences(method: Method, runs: RunsOverBox) -> Bounds:
     apart = found is not None and any(never_holds(name) not in run.message for run in found.failed for name in lost)
     for name in lost:
         own = _bounds_or_none(method, with_value[name]) if apart or (found is None and len(lost) > 1) else found
-        every = _with_column(every, own or _bounds_or_none(_SAMPLES, with_value[name]), name)
+        every = _with_column(every, own or _bounds_or_none(methods.MonteCarlo(_SAMPLES), with_value[name]), name)
     return with_never(every, simulator)
 
 
@@ -76,7 +77,7 @@ def _with_column(every: Bounds, some: Bounds | None, name: str) -> Bounds:
     if some is None:
         own = [mixed(each, None) for each in (every.lower, every.upper, every.estimate)]
         remark = (
-            f"The condition of {name} holds in none of {_SAMPLES.samples} random runs. In samples, {name} has its "
+            f"The condition of {name} holds in none of {_SAMPLES} random runs. In samples, {name} has its "
             f"value at the end of a run."
         )
         known = dict(zip(("lower", "upper", "estimate"), own, strict=True))

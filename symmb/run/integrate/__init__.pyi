@@ -5,7 +5,8 @@ from .cells import refined as refined
 from .compiled import CompiledSolver as CompiledSolver, Task as Task, impacts_text as impacts_text
 from .event_driven import EventDriven as EventDriven, round_otherwise as round_otherwise
 from .explicit import DormandPrince as DormandPrince
-from .implicit import NSTIFFSI2 as NSTIFFSI2, GeneralizedAlpha as GeneralizedAlpha, Rosenbrock as Rosenbrock
+from .implicit import Rosenbrock as Rosenbrock
+from .position_schemes import NSTIFFSI2 as NSTIFFSI2, GeneralizedAlpha as GeneralizedAlpha
 from .integration import Integration as Integration, Run as Run
 from .projection import project as project
 from .registry import SOLVERS as SOLVERS, WORDS as WORDS, read_solver as read_solver

@@ -12,7 +12,8 @@ from symmb._specs import Spec, read_spec
 from symmb.run.integrate.casadi_solvers import CVODES, IDAS, Collocation, StabilizedIndex2
 from symmb.run.integrate.event_driven import EventDriven
 from symmb.run.integrate.explicit import DormandPrince, RungeKutta
-from symmb.run.integrate.implicit import BDFI3, HHT, NSTIFFSI2, GeneralizedAlpha, Newmark, Rosenbrock
+from symmb.run.integrate.implicit import Rosenbrock
+from symmb.run.integrate.position_schemes import BDFI3, HHT, NSTIFFSI2, GeneralizedAlpha, Newmark
 from symmb.run.integrate.solver import Solver
 from symmb.run.integrate.stabilization import AugmentedLagrangian, Baumgarte, Projection
 from symmb.run.integrate.state_space import StateSpace
