@@ -2,5 +2,4 @@
 
 from .chain import bounded as bounded
 from .choices import over_parts as over_parts
-from .hull import distance as distance
-from .hull import hull_of as hull_of
+from .hull import distance as distance, hull_of as hull_of

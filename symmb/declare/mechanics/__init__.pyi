@@ -13,6 +13,7 @@ from .body import (
     Point as Point,
     as_matrix as as_matrix,
     inertia_matrix as inertia_matrix,
+    is_flexible as is_flexible,
 )
 from .clutch import Clutch as Clutch, Sticks as Sticks, Struck as Struck
 from .constraint import Constraint as Constraint, Motion as Motion, VelocityConstraint as VelocityConstraint
@@ -69,7 +70,7 @@ from .joint_event import (
     row_gates as row_gates,
 )
 from .load import GasSpring as GasSpring, NonlinearSpring as NonlinearSpring, Orifice as Orifice, Soil as Soil
-from .mesh_file import coarser as coarser
+from .mesh_file import coarser as coarser, read_mesh as read_mesh
 from .motor import Motor as Motor
 from .parameter import Parameters as Parameters, declared_with as declared_with, with_si_symbols as with_si_symbols
 from .pose import Frame as Frame, Particle as Particle, Planar as Planar, Spatial as Spatial
@@ -83,5 +84,3 @@ from .shape_contact import (
     SphereContact as SphereContact,
 )
 from .state import Input as Input, OwnState as OwnState, Sampled as Sampled, State as State, States as States
-from .mesh_file import read_mesh as read_mesh
-from .body import is_flexible as is_flexible

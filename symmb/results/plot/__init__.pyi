@@ -16,8 +16,12 @@ from .curves import (
     plot_fit as plot_fit,
     plot_trajectory as plot_trajectory,
 )
-from .drawn import MOST_PANELS as MOST_PANELS
-from .drawn import OverTime as OverTime, OverTimeBesideGiven as OverTimeBesideGiven, ThreeDiagrams as ThreeDiagrams
+from .drawn import (
+    MOST_PANELS as MOST_PANELS,
+    OverTime as OverTime,
+    OverTimeBesideGiven as OverTimeBesideGiven,
+    ThreeDiagrams as ThreeDiagrams,
+)
 from .layout import (
     PICTURES as PICTURES,
     columns_of as columns_of,

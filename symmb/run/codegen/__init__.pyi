@@ -19,6 +19,7 @@ from .c_source import (
     c_source as c_source,
     c_tables as c_tables,
 )
+from .card import Card as Card, CardEngine as CardEngine, CudaCard as CudaCard, Summary as Summary
 from .contacts import BLAMED as BLAMED, CLOSES as CLOSES, IMPACT as IMPACT, OPENS as OPENS, Contacts as Contacts
 from .engine import (
     MOST_PASSES as MOST_PASSES,
@@ -33,4 +34,3 @@ from .failures import REASONS as REASONS, FailureCode as FailureCode
 from .model_source import Scheme as Scheme, model_function as model_function, scheme_function as scheme_function
 from .scene_source import SceneSource as SceneSource, quoted as quoted, scene_source as scene_source
 from .threads import cores as cores, on_threads as on_threads, side_by_side as side_by_side
-from .card import Card as Card, CardEngine as CardEngine, CudaCard as CudaCard, Summary as Summary

@@ -19,10 +19,6 @@ from .subject import (
     prepare as prepare,
     scene_of as scene_of,
 )
-from .sweep import Sweep as Sweep, sweep as sweep
+from .sweep import Sweep as Sweep, side_by_side as side_by_side, sweep as sweep
 from .trajectory import Trajectory as Trajectory
-from .sweep import side_by_side as side_by_side
-from .trajectory_file import PLAIN as PLAIN
-from .trajectory_file import labelled as labelled
-from .trajectory_file import of_record as of_record
-from .trajectory_file import of_table as of_table
+from .trajectory_file import PLAIN as PLAIN, labelled as labelled, of_record as of_record, of_table as of_table

@@ -6,5 +6,6 @@
 """
 
 from symmb._doors import open_door
+from symmb.show.drawing import curves, forces, joints  # they register their sketches
 
 open_door(__name__)
