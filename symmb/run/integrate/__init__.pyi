@@ -12,14 +12,13 @@ from .contacts import (
 from .event_driven import EventDriven as EventDriven, round_otherwise as round_otherwise
 from .explicit import DormandPrince as DormandPrince
 
-# `implicit` is the function of `fixed_step`, so this module follows.
-from .implicit import Rosenbrock as Rosenbrock
 from .fixed_step import (
     collocation as collocation,
-    explicit as explicit,
+    explicit_steps as explicit_steps,
     fixed_step_integration as fixed_step_integration,
-    implicit as implicit,
+    implicit_steps as implicit_steps,
 )
+from .implicit import Rosenbrock as Rosenbrock
 from .integration import Integration as Integration, Run as Run
 from .one_sided import OneSided as OneSided, one_sided as one_sided
 from .position_schemes import NSTIFFSI2 as NSTIFFSI2, GeneralizedAlpha as GeneralizedAlpha

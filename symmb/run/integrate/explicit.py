@@ -170,5 +170,5 @@ class RungeKutta(Explicit):
         problem = build_problem(dae, self.stabilization, algebraic=False, work=work, one_step=True).jets(order)
         require_steps(self, self.steps, MOST_STEPS_KEPT)
         return integrate.fixed_step_integration(
-            integrate.explicit(problem, CLASSICAL), times, self.fixed_step(times), problem.projection()
+            integrate.explicit_steps(problem, CLASSICAL), times, self.fixed_step(times), problem.projection()
         )

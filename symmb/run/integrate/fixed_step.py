@@ -83,7 +83,7 @@ def fixed_step_integration(
     return _FixedSteps(times, n_x, advance.n_quad, guess, whole, between, project, scheme=advance, counts=counts)
 
 
-def explicit(problem: InitialValueProblem, tableau: Tableau) -> Advance:
+def explicit_steps(problem: InitialValueProblem, tableau: Tableau) -> Advance:
     """One step of an explicit Runge-Kutta method."""
     n_x, n_quad = problem.x.numel(), problem.quad.numel()
     rates = common("rates", [problem.x, problem.p, problem.t], [problem.ode, problem.quad])
@@ -121,7 +121,7 @@ def collocation(problem: InitialValueProblem, degree: int) -> Advance:
     return Advance(_start_at_rest(problem), ca.Function("step", [w, p, t, h], [new]), n_x, n_quad)
 
 
-def implicit(scheme: Step) -> Advance:
+def implicit_steps(scheme: Step) -> Advance:
     """One step of an implicit scheme. CasADi derives the matrix of Newton's method."""
     arguments = [scheme.w, scheme.p, scheme.t, scheme.h]
     begin = common("begin", [scheme.x, scheme.p, scheme.t, scheme.h], [scheme.begin])

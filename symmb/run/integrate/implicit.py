@@ -87,7 +87,7 @@ class SchemeSolver(CompiledSolver):
             project = None
             if step.projected is not None:
                 project = common("project", [step.x, step.p, step.t], [step.projected])
-            return integrate.fixed_step_integration(integrate.implicit(step), times, control.longest, project)
+            return integrate.fixed_step_integration(integrate.implicit_steps(step), times, control.longest, project)
 
         if self.runs_in_lanes(dae):
             return CompiledIntegration(self, dae, times, order, work, fixed_steps)
