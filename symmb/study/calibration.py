@@ -393,9 +393,8 @@ def _fitted(fit: Residuals, known_noise: Mapping[str, float], name: str) -> Cali
     covariance[open_], covariance[:, open_] = np.nan, np.nan
     covariance[open_, open_] = np.inf
     deviations = np.sqrt(np.diag(covariance))
-    for k in np.flatnonzero(
-        np.isfinite(deviations) & (deviations > _VAGUE * np.maximum(fit.sizes, np.abs(found.u * fit.sizes)))
-    ):
+    is_vague = np.isfinite(deviations) & (deviations > _VAGUE * np.maximum(fit.sizes, np.abs(found.u * fit.sizes)))
+    for k in np.flatnonzero(is_vague).tolist():
         doubts += (
             f"The data hardly determine {fit.names[k]!r}: its standard deviation {deviations[k]:.2g} is more than "
             f"{_VAGUE:g} times its value. Give a prior, or leave out this parameter.",
