@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from functools import cache
 from importlib.resources import files as resources
 
+from symmb._progress import Progress
 from symmb.bound.nodes import Grid, line
 from symmb.bound.polynomials.ranges import Exact, range_tables
 from symmb.run.codegen import SceneSource, c_source, c_tables, quoted, scene_source, web_module
@@ -37,9 +38,12 @@ def module(n: int, source: SceneSource | None = None, figures: FigureSimulator |
     files = {"levels.h": headers, "kernel.c": "\n".join([c_source("lanes", "tensor_fit"), own["kernel.c"]])}
     files["ranges.c"] = "\n".join([c_source("polynomial_ranges"), search, own["ranges.c"], ranges])
     if source is None:
-        return web_module(files, names[:2], "A live page")
-    files |= scene_source(source) | {"rules.h": _rules(figures, source.lanes.f.numel_out("outputs"))}
-    return web_module(files | {"runs.c": own["runs.c"]}, names, "A live page")
+        names.remove("runs.c")
+    else:
+        files |= scene_source(source) | {"rules.h": _rules(figures, source.lanes.f.numel_out("outputs"))}
+        files["runs.c"] = own["runs.c"]
+    with Progress("live page: compiling; the first page on a machine takes half a minute"):
+        return web_module(files, names, "A live page")
 
 
 @cache
