@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._types import Array
-from symmb.declare.symbolic import Entry, Pieces, applied, called, common, interpret
+from symmb.declare.symbolic import Entry, Pieces, applied, common, instructions, interpret
 from symmb.prove.basis import Basis, basis_of, basis_with
 from symmb.prove.rounding import U, above
 from symmb.prove.tape import Tape
@@ -266,7 +266,7 @@ class Phase:
         """
         arguments = self.rates.sx_in()[:3]
         found = common(f.name(), arguments, [ca.densify(f(*arguments, sides))])
-        return _frozen(found, *place) if called(found) else found
+        return _frozen(found, *place) if instructions(found).entries() else found
 
     def conditions(self, sides: Array, *place: Array | float) -> ca.Function:
         """(x, p, t) -> (m,) values. All are positive as long as the equations on these sides are those of the scene."""

@@ -5,7 +5,7 @@ from typing import Any
 
 import casadi as ca
 
-from symmb.declare.symbolic import called, operation_name
+from symmb.declare.symbolic import entries_of, operation_name
 
 _INPUT, _OUTPUT, _CONSTANT, _UNARY, _BINARY, _ENTRIES = range(6)
 
@@ -16,7 +16,7 @@ class Tape:
     def __init__(self, f: ca.Function) -> None:
         self.sizes = [f.numel_out(i) for i in range(f.n_out())]
         self._slots, self._steps, self._codes = f.sz_w(), [], set()
-        calls = called(f)
+        nodes: Any = f.instructions_sx()
         for k in range(f.n_instructions()):
             code, a, out = f.instruction_id(k), f.instruction_input(k), f.instruction_output(k)
             if code == ca.OP_INPUT:
@@ -25,9 +25,9 @@ class Tape:
                 self._steps.append((_OUTPUT, out[0], out[1], a[0], None))
             elif code == ca.OP_CONST:
                 self._steps.append((_CONSTANT, out[0], 0, 0, f.instruction_constant(k)))
-            elif k in calls:
+            elif code == ca.OP_CALL and (entries := entries_of(nodes[k].which_function(), len(out))):
                 self._codes |= {code}
-                used = [(entry, place) for entry, place in zip(calls[k], out, strict=True) if place >= 0]
+                used = [(entry, place) for entry, place in zip(entries, out, strict=True) if place >= 0]
                 self._steps.append((_ENTRIES, 0, a[0], a[1], used))
             else:
                 self._codes.add(code)

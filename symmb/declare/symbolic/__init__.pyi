@@ -30,7 +30,13 @@ from .geometry import (
     without_rounding as without_rounding,
 )
 from .given import given as given
-from .instructions import interpret as interpret, operation_name as operation_name
+from .instructions import (
+    ENTRY as ENTRY,
+    Instructions as Instructions,
+    instructions as instructions,
+    interpret as interpret,
+    operation_name as operation_name,
+)
 from .jets import HIGHEST_ORDER as HIGHEST_ORDER, jet_function as jet_function, jets as jets
 from .linear import (
     ExplicitSolver as ExplicitSolver,
@@ -52,7 +58,7 @@ from .pieces import (
     Sides as Sides,
     Smooth as Smooth,
     applied as applied,
-    called as called,
+    entries_of as entries_of,
 )
 from .printing import plain as plain, printer as printer, set_names as set_names, typeset as typeset
 from .ranges import ranges_along as ranges_along

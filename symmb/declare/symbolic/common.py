@@ -6,17 +6,13 @@ from typing import Any
 import casadi as ca
 
 from symmb.declare.symbolic.instructions import interpret
-from symmb.declare.symbolic.pieces import Entry, applied, called
+from symmb.declare.symbolic.pieces import Entry, applied, is_compared_fast
 
 
 def common(name: str, *parts: Any) -> ca.Function:
-    """A `casadi.Function` in which equal expressions are evaluated once.
-
-    CasADi compares called Functions by their text. This comparison takes seconds for Functions with tables, so each
-    call of such a Function is replaced by symbols first.
-    """
+    """A `casadi.Function` in which equal expressions are evaluated once."""
     f = ca.Function(name, *parts)
-    if not (f.is_a("SXFunction") and called(f)):
+    if not f.is_a("SXFunction") or is_compared_fast(f):
         arguments: Any = (name, *parts, {"cse": True})
         return ca.Function(*arguments)
     known: dict[tuple[Any, ...], ca.SX] = {}
@@ -43,4 +39,4 @@ def shared(expressions: Sequence[ca.SX]) -> list[ca.SX]:
     """Expressions with the same values that share their common subexpressions."""
     symbols = [ca.vertcat(ca.SX(0, 1), *ca.symvar(ca.veccat(*expressions)))]  # CasADi warns about many inputs
     f = ca.Function("all", symbols, expressions)
-    return common("all", symbols, expressions).call(symbols) if called(f) else ca.cse(expressions)
+    return ca.cse(expressions) if is_compared_fast(f) else common("all", symbols, expressions).call(symbols)

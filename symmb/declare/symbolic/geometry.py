@@ -11,6 +11,7 @@ from symmb._magnitudes import LAST_DIGITS, ROUNDING, SMALL
 from symmb._names import counted
 from symmb._options import shown
 from symmb.declare.symbolic.given import given
+from symmb.declare.symbolic.instructions import instructions
 
 X, Y, Z = (ca.SX(ca.DM([1.0 if i == k else 0.0 for i in range(3)])) for k in range(3))
 
@@ -60,9 +61,9 @@ def irregular_part(expression: ca.SX) -> str:
     if is_zero(expression):
         return ""
     f = ca.Function("law", ca.symvar(expression), [expression])
-    for k in range(f.n_instructions()):
-        code = f.instruction_id(k)
-        if code == ca.OP_CONST and not np.isfinite(f.instruction_constant(k)):
+    own = instructions(f)
+    for k, code in enumerate(own.codes):
+        if code == ca.OP_CONST and not np.isfinite(own.data[k]):
             return "NaN or infinity"
         if code == ca.OP_ERFINV:  # CasADi's values have errors of 2e-6, and a jump that their derivative does not have
             return "erfinv"

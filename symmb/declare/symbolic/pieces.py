@@ -6,7 +6,7 @@ same pieces as the expressions.
 
 import hashlib
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -17,6 +17,8 @@ from symmb._types import Array, Indices
 
 _FARTHEST = sys.float_info.max
 _KNOWN: dict[str, "Pieces"] = {}
+_LONG = 100
+"""Number of rows above which the comparison of two calls takes more than 0.3 ms."""
 
 
 class Pieces:
@@ -170,25 +172,29 @@ def _list(name: str, values: Array) -> ca.Function:
     return ca.interpolant(name, "linear", [places], values.ravel("F"), {"lookup_mode": ["exact"]})
 
 
-def called(f: ca.Function) -> dict[int, list[Entry | None]]:
-    """The entries that the instructions of an SX Function read from pieces, by index of the instruction; None for a 0.
+def entries_of(f: ca.Function, count: int) -> Sequence[Entry | None]:
+    """The `count` entries that a called Function reads from pieces; None for a derivative, which is 0. Other Functions
+    have no entries."""
+    name = f.name()
+    if name.partition("_")[0] in _KINDS:
+        pieces = _pieces_of(f)
+        return [Entry(pieces, column) for column in range(count)]
+    return [None] * count if _is_derivative(name) else ()
 
-    Calls of other Functions are not included.
+
+def _is_derivative(name: str) -> bool:
+    return any(f"_{kind}_" in name for kind in _KINDS)  # such as fwd1_Pieces_...
+
+
+def is_compared_fast(f: ca.Function) -> bool:
+    """Whether CasADi compares the calls in an SX Function fast, and finds all values that are 0.
+
+    CasADi compares calls by the texts of the called Functions, which are long for long tables. It does not detect that
+    derivatives of pieces are 0.
     """
-    if not f.find_functions():
-        return {}
-    calls = [k for k in range(f.n_instructions()) if f.instruction_id(k) == ca.OP_CALL]
-    found: dict[int, list[Entry | None]] = {}
-    instructions: Any = f.instructions_sx()
-    for k in calls:
-        function = instructions[k].which_function()
-        count, name = len(f.instruction_output(k)), function.name()
-        if name.partition("_")[0] in _KINDS:
-            pieces = _pieces_of(function)
-            found[k] = [Entry(pieces, column) for column in range(count)]
-        elif any(f"_{kind}_" in name for kind in _KINDS):  # derivatives, such as fwd1_Pieces_...
-            found[k] = [None] * count
-    return found
+    names = [each.name() for each in f.find_functions(0)]
+    is_long = any(int(n.split("_")[1]) > _LONG for n in names if n.partition("_")[0] in _KINDS)
+    return not (is_long or any(map(_is_derivative, names)))
 
 
 def _pieces_of(f: ca.Function) -> Pieces:

@@ -10,8 +10,8 @@ from typing import Any, Generic, NamedTuple, TypeVar, cast
 import casadi as ca
 
 from symmb.declare.symbolic.common import common
-from symmb.declare.symbolic.instructions import interpret
-from symmb.declare.symbolic.pieces import Entry, Pieces, Sides, applied, called
+from symmb.declare.symbolic.instructions import ENTRY, Instructions, instructions, interpret
+from symmb.declare.symbolic.pieces import Entry, Pieces, Sides, applied
 
 T = TypeVar("T")
 
@@ -89,10 +89,10 @@ class Switching:
     located: tuple[bool, ...]  # (m,), whether `branches` makes it a switch at which steps end
 
 
-@dataclass(frozen=True, eq=False)
-class _Value:
+class _Value(NamedTuple):
     sx: ca.SX
     on: On
+    is_power: bool = False  # whether it is a known power of another value
 
 
 def switching(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Switching:
@@ -202,30 +202,29 @@ class Branches:
     knots: list[tuple[ca.SX, Pieces]]  # time-dependent arguments of tables, and the pieces of the tables
 
 
+_BENT = _KINKS.keys() | _FRONTS
+
+
 @lru_cache(maxsize=256)
 def has_kinks(f: ca.Function) -> bool:
     """Whether an SX Function has operations with a kink, a jump or a front in any argument."""
-    codes = [f.instruction_id(k) for k in range(f.n_instructions())]
-    is_bent = not (_KINKS.keys() | _FRONTS).isdisjoint(codes)
-    return is_bent or bool(called(f)) or _has_steep_power(f, codes)
+    if any(map(_BENT.__contains__, map(f.instruction_id, range(f.n_instructions())))):
+        return True
+    own = instructions(f)
+    return ENTRY in own.codes or _has_steep_power(own)
 
 
-def _has_steep_power(f: ca.Function, codes: list[int]) -> bool:
-    known: dict[int, _Power[int]] = {}  # powers by index in the work vector
-    constants: dict[int, float] = {}
-    for k, code in enumerate(codes):
-        if code == ca.OP_OUTPUT:
-            continue
-        results, places = f.instruction_output(k), f.instruction_input(k) if code in _POWERS else []
-        of = [known.get(i, _Power(-1, 1.0)) for i in places]
-        power = _power(code, of, constants.get(places[-1])) if of else None
-        if power is not None and power.exponent >= _STEEP:
-            return True
-        for place in results:  # calls may have several results
-            known[place] = power or _Power(k, 1.0)
-            constants.pop(place, None)
-        if code == ca.OP_CONST:
-            constants[results[0]] = f.instruction_constant(k)
+def _has_steep_power(own: Instructions) -> bool:
+    known: dict[int, _Power[int]] = {}  # powers by row
+    for k, (code, *places) in enumerate(own.rows()):
+        if code in _POWERS:
+            places = places[: 1 if code == ca.OP_SQ else 2]
+            of = [known.get(i, _Power(i, 1.0)) for i in places]
+            power = _power(code, of, own.data.get(places[-1]) if own.codes[places[-1]] == ca.OP_CONST else None)
+            if power is not None and power.exponent >= _STEEP:
+                return True
+            if power is not None:
+                known[k] = power
     return False
 
 
@@ -298,8 +297,8 @@ class _Found:
 
     def operation(self, code: Any, arguments: tuple[_Value, ...]) -> _Value:
         """The value of an operation on one side of its switches."""
-        on = max((a.on for a in arguments), default=On.PARAMETERS)
-        of = tuple(a.sx for a in arguments)
+        on = max([a.on for a in arguments], default=On.PARAMETERS)
+        of = tuple([a.sx for a in arguments])
         is_switch = code in _KINKS and not any(_is_guard(a) or is_soft(a) for a in of)
         if on is On.TIME:
             self._note_times(code, of, is_switch)
@@ -312,16 +311,16 @@ class _Found:
         value = self._entry(code, *of) if isinstance(code, Entry) else None
         if is_switch and code in _ON_A_SIDE:
             value = _ON_A_SIDE[code](self._side(_KINKS[code][1](*of)), *of)
-        return _Value(self._continued(code, of) if value is None else value, on)
-
-    def _continued(self, code: Any, of: tuple[ca.SX, ...]) -> ca.SX:
-        """The value of an operation, continued beyond switches that keep its argument positive."""
+        if value is not None:
+            return _Value(value, on)
         if code in _POSITIVE and (code != ca.OP_CONSTPOW or float(of[1]) % 1):
-            of = (ca.fabs(of[0]), *of[1:])
+            of = (ca.fabs(of[0]), *of[1:])  # continued beyond switches that keep the argument positive
         value = applied(code, *of)
-        if code in _POWERS:
-            self._note_power(code, of, value)
-        return value
+        is_product = code == ca.OP_MUL and not (arguments[0].is_power or arguments[1].is_power)
+        if code not in _POWERS or (is_product and of[0].element_hash() != of[1].element_hash()):
+            return _Value(value, on)
+        self._note_power(code, of, value)
+        return _Value(value, on, is_power=True)
 
     def add_fronts_of_powers(self) -> None:
         """Add the fronts of steep powers. All operations must be known."""

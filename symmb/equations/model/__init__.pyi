@@ -11,7 +11,7 @@ from .choices import (
 )
 from .compilation import compile_dae as compile_dae
 from .contact_equations import ContactEquations as ContactEquations, Impacts as Impacts, JointEvents as JointEvents
-from .dae import DAE as DAE, is_linear as is_linear
+from .dae import DAE as DAE, LAST_ENGINE as LAST_ENGINE, is_linear as is_linear
 from .figures import BoundFigure as BoundFigure, bound_figure as bound_figure
 from .joint_space import JointSpace as JointSpace
 from .lazy import Lazy as Lazy

@@ -35,6 +35,10 @@ class Equation(Generic[T]):
         return cast(T, None if equation is None else equation())
 
 
+LAST_ENGINE = "last engine"
+"""Key of `DAE.memory` for the last compiled engine."""
+
+
 @dataclass(frozen=True)
 class DAE:
     """Compiled equations of motion of a system; see `system` for the notation.
@@ -111,8 +115,9 @@ class DAE:
 
     def __getstate__(self) -> dict[str, Any]:
         # Branches contain symbols of a Function. A Function in another process has other symbols, so branches are
-        # derived again.
-        memory = {key: value for key, value in self.memory.items() if not isinstance(value, Branches)}
+        # derived again. So are engines, because their sources are large.
+        some = (key for key, value in self.memory.items() if key != LAST_ENGINE and not isinstance(value, Branches))
+        memory = {key: self.memory[key] for key in some}
         return {**self.__dict__, "memory": memory}
 
     def around(self, p: Array) -> "DAE":

@@ -4,11 +4,12 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain
 
 import casadi as ca
 
 from symmb._errors import DeclarationError
-from symmb.declare.symbolic import operation_name
+from symmb.declare.symbolic import ENTRY, operation_name
 from symmb.run.codegen.graph import BOX, CONSTANT, INPUT, SEARCH, Graph
 
 LARGE_MODEL = 5000
@@ -109,6 +110,7 @@ class Emitter:
     def __init__(self, graph: Graph, place: Sequence[int], numbers_as_data: bool = False) -> None:
         self._graph, self._place, self._numbers_as_data = graph, place, numbers_as_data
         self._numbers: dict[int, int] = {}  # node -> place behind the values of parameters in c
+        self._hoisted = [depends == 1 << 1 for depends in graph.depends]  # whether a node depends on p alone
         self._parameter_values: dict[int, int] = {}  # node -> place in c
         self._pieces: list[str] = []
         self.n_carried = 0  # largest number of values that the pieces of a function pass to each other
@@ -116,32 +118,30 @@ class Emitter:
     @property
     def numbers(self) -> list[float]:
         """The numbers that the functions read from c."""
-        return [self._graph.nodes[k].constant for k in self._numbers]
-
-    def inputs(self, outputs: Iterable[int], source: int) -> list[int]:
-        """Numbers of the nonzeros of input number `source` on which the given nodes depend."""
-        needed = (self._graph.nodes[k] for k in self._graph.needed(outputs))
-        return sorted(node.index for node in needed if node.operation == INPUT and node.source == source)
+        return [self._graph.data[k] for k in self._numbers]
 
     def source(self, outputs: Mapping[str, list[int]]) -> tuple[list[str], str, int]:
         """C code in three items: pieces in parts; the functions, with `prepare(p, c)`; and the size of c.
 
         `outputs`: name -> the nodes that the C function `name(x, c, t, out)` writes to out.
         """
-        functions = [self._source(name, nodes, parameters_only=False) for name, nodes in outputs.items()]
+        users = self._graph.users([*outputs.values()], self._hoisted)
+        own = [k for k, hoisted in enumerate(self._hoisted) if not hoisted]
+        functions = [
+            self._source(name, nodes, [k for k in own if users[k] >> i & 1], parameters_only=False)
+            for i, (name, nodes) in enumerate(outputs.items())
+        ]
         # `prepare` is last, because the other functions decide which values of parameters are needed.
-        functions.append(self._source("prepare", list(self._parameter_values), parameters_only=True))
+        values, users = [*self._parameter_values], self._graph.users([self._parameter_values])
+        own = [k for k, of in enumerate(users) if of]
+        functions.append(self._source("prepare", values, own, parameters_only=True))
         parts = ["\n".join(self._pieces[at : at + _PART]) for at in range(0, len(self._pieces), _PART)]
         heads = [f"{piece.partition(' {')[0]};" for piece in self._pieces]
         return parts, "\n".join([*heads, *functions]), len(self._parameter_values)
 
-    def _hoisted(self, k: int) -> bool:
-        node = self._graph.nodes[k]
-        return node.operation != CONSTANT and node.depends == frozenset([1])
-
-    def _source(self, name: str, outputs: list[int], parameters_only: bool) -> str:
+    def _source(self, name: str, outputs: list[int], computed: list[int], parameters_only: bool) -> str:
         """The C code of one function. Its pieces of at most _CHUNK statements pass values to each other through w."""
-        schedule = self._schedule(outputs, parameters_only)
+        schedule = self._schedule(outputs, computed, parameters_only)
         self.n_carried = max(self.n_carried, 1 + max(schedule.carried.values(), default=-1))
         inputs = "p" if parameters_only else "x, c, t"
         arguments = "const V *restrict p" if parameters_only else "const V *restrict x, const V *restrict c, V t"
@@ -159,55 +159,53 @@ class Emitter:
         head = "const V *restrict p, V *c" if parameters_only else "const V *restrict x, V *c, V t, V *restrict out"
         return "\n".join([f"MODEL void {name}({head}) {{", *calls, "}"])
 
-    def _schedule(self, outputs: list[int], parameters_only: bool) -> _Schedule:
-        nodes = self._graph.nodes
-        order, twins = self._statements(outputs, parameters_only)
-        angles = self._angles(order) if len(nodes) > LARGE_MODEL else []
+    def _schedule(self, outputs: list[int], computed: list[int], parameters_only: bool) -> _Schedule:
+        operations, arguments = self._graph.operations, self._graph.arguments
+        order, twins = self._statements(computed)
+        angles = self._angles(order) if len(operations) > LARGE_MODEL else []
         place = {angle: 2 * i for i, angle in enumerate(angles)}
-        turned = [k for k in order if nodes[k].operation in _TURNED and nodes[k].arguments[0] in place]
-        sines = {k: place[nodes[k].arguments[0]] + (nodes[k].operation == ca.OP_COS) for k in turned}
-        needed = self._graph.needed(angles)
-        first = _chunks(k for k in order if k in needed) if angles else []
-        pieces = first + _chunks(k for k in order if k not in needed and k not in sines)
+        turned = [k for k in order if operations[k] in _TURNED and arguments[k][0] in place]
+        sines = {k: place[arguments[k][0]] + (operations[k] == ca.OP_COS) for k in turned}
+        needed = self._graph.users([angles])
+        first = _chunks(k for k in order if needed[k]) if angles else []
+        pieces = first + _chunks(k for k in order if not needed[k] and k not in sines)
         carried = sines | self._carried(pieces, 2 * len(angles))
         return _Schedule(pieces, len(first), angles, carried, twins, outputs, parameters_only)
 
-    def _statements(self, outputs: list[int], parameters_only: bool) -> tuple[list[int], dict[int, int]]:
-        """The values that a function computes, in order, and pairs of sine and cosine, which follow each other."""
-        nodes = self._graph.nodes
-        given = (lambda k: False) if parameters_only else self._hoisted
-        computed = [k for k in self._graph.needed(outputs, given) if nodes[k].operation not in (CONSTANT, INPUT)]
-        order = [k for k in computed if parameters_only or not self._hoisted(k)]
-        turns = {(nodes[k].operation, nodes[k].arguments): k for k in order if nodes[k].operation in _TURNED}
+    def _statements(self, computed: list[int]) -> tuple[list[int], dict[int, int]]:
+        """The operations among computed nodes, in order, and pairs of sine and cosine, which follow each other."""
+        operations, arguments = self._graph.operations, self._graph.arguments
+        order = [k for k in computed if operations[k] not in (CONSTANT, INPUT)]
+        turns = {(operations[k], arguments[k]): k for k in order if operations[k] in _TURNED}
         twins = {k: turns[_TURNED[code], a] for (code, a), k in turns.items() if (_TURNED[code], a) in turns}
         # The later statement moves to the earlier statement. This is possible, because both have the same argument.
-        return sorted(order, key=lambda k: (min(k, twins.get(k, k)), k)), twins
+        pairs = ((k, twins[k]) if k in twins else (k,) for k in order if twins.get(k, k) >= k)
+        return [k for pair in pairs for k in pair], twins
 
     def _angles(self, order: Sequence[int]) -> list[int]:
         """Arguments of sines and cosines, except those that depend on other sines or cosines."""
-        nodes, behind = self._graph.nodes, set[int]()
+        operations, arguments, behind = self._graph.operations, self._graph.arguments, set[int]()
         angles: dict[int, None] = {}
         for k in order:
-            if not behind.isdisjoint(nodes[k].arguments):
+            if not behind.isdisjoint(arguments[k]):
                 behind.add(k)
-            elif nodes[k].operation in _TURNED:
-                angles[nodes[k].arguments[0]] = None
+            elif operations[k] in _TURNED:
+                angles[arguments[k][0]] = None
                 behind.add(k)
         return list(angles)
 
     def _carried(self, pieces: Sequence[Sequence[int]], count: int) -> dict[int, int]:
         """Places in w of values that later pieces use. The first place is `count`."""
         # Places are allocated like registers: a place is free after the last piece that uses it. So w stays small.
-        piece = {k: i for i, ks in enumerate(pieces) for k in ks}
-        last_use = dict(piece)
-        for k, i in piece.items():
-            last_use.update((a, max(last_use[a], i)) for a in self._graph.nodes[k].arguments if a in last_use)
+        last_use: dict[int, int] = {}
+        for i, ks in enumerate(pieces):
+            last_use.update(dict.fromkeys(chain.from_iterable(map(self._graph.arguments.__getitem__, ks)), i))
         carried, free = dict[int, int](), list[int]()
         released: dict[int, list[int]] = {}
         for i, ks in enumerate(pieces):
             free += released.pop(i - 1, [])
             for k in ks:
-                if last_use[k] > i:
+                if last_use.get(k, i) > i:
                     if not free:
                         free, count = [count], count + 1
                     carried[k] = free.pop()
@@ -221,59 +219,67 @@ class Emitter:
         places: dict[int, list[str]] = {}
         for k, place in [*results, *(angles if piece < schedule.n_first else ())]:
             places.setdefault(k, []).append(place)
-        lines = []
+        operations, arguments, carried, lines = self._graph.operations, self._graph.arguments, schedule.carried, []
+        names: dict[int, str] = {}  # of the values in this piece
         for k in schedule.pieces[piece]:
-            operands = [self._operand(a, schedule, piece) for a in self._graph.nodes[k].arguments]
+            operands = [names.get(a) or self._operand(a, schedule) for a in arguments[k]]
+            names[k] = value = f"v{k}"
             twin = schedule.twins.get(k)
             if twin is None or schedule.piece[twin] != piece:
-                lines.append(f"  const V v{k} = {self._expression(k, operands)};")
+                lines.append(f"  const V {value} = {self._expression(k, operands)};")
             elif k < twin:
-                sine, cosine = (k, twin) if self._graph.nodes[k].operation == ca.OP_SIN else (twin, k)
+                sine, cosine = (k, twin) if operations[k] == ca.OP_SIN else (twin, k)
                 lines.append(f"  V v{sine}, v{cosine};")
                 lines.append(f"  v_sincos(each({operands[0]}), &v{sine}, &v{cosine});")
-            if k in schedule.carried:
-                lines.append(f"  w[{schedule.carried[k]}] = v{k};")
-            lines += [f"  {place} = v{k};" for place in places.get(k, ())]
+            if k in carried:
+                lines.append(f"  w[{carried[k]}] = {value};")
+            if k in places:
+                lines += [f"  {place} = {value};" for place in places[k]]
         # Results that no piece computes, such as constants, inputs and sines of the loop, are written at the end.
         at_end = {schedule.n_first - 1: angles, len(schedule.pieces) - 1: results}.get(piece, [])
         at_end = [(k, place) for k, place in at_end if k not in schedule.piece]
-        return lines + [f"  {place} = each({self._operand(k, schedule, piece)});" for k, place in at_end]
+        return lines + [f"  {place} = each({self._operand(k, schedule)});" for k, place in at_end]
 
-    def _operand(self, a: int, schedule: _Schedule, piece: int) -> str:
-        """The C code of an operand in a statement of a piece."""
-        node = self._graph.nodes[a]
-        if node.operation == CONSTANT:
-            if not self._numbers_as_data or node.constant in _LITERAL or not math.isfinite(node.constant):
-                return _literal(node.constant)
+    def _operand(self, a: int, schedule: _Schedule) -> str:
+        """The C code of an operand that a piece does not compute itself."""
+        operation, data = self._graph.operations[a], self._graph.data[a]
+        if operation == CONSTANT:
+            if not self._numbers_as_data or data in _LITERAL or not math.isfinite(data):
+                return _literal(data)
             return f"c[N_C + {self._numbers.setdefault(a, len(self._numbers))}]"
-        if schedule.parameters_only and node.operation == INPUT:
-            return f"p[{node.index}]"
-        if self._hoisted(a) and not schedule.parameters_only:
+        if schedule.parameters_only and operation == INPUT:
+            return f"p[{data[1]}]"
+        if self._hoisted[a] and not schedule.parameters_only:
             return f"c[{self._parameter_values.setdefault(a, len(self._parameter_values))}]"
-        if node.operation == INPUT:
-            if node.source == BOX:
-                return f"x[{node.index}]"
-            return f"x[{self._place[node.index]}]" if node.source == 0 else "t"
-        return f"v{a}" if schedule.piece.get(a) == piece else f"w[{schedule.carried[a]}]"
+        if operation == INPUT:
+            source, index = data
+            if source == BOX:
+                return f"x[{index}]"
+            return f"x[{self._place[index]}]" if source == 0 else "t"
+        return f"w[{schedule.carried[a]}]"
 
-    def _expression(self, k: int, arguments: list[str]) -> str:
-        node, each = self._graph.nodes[k], [f"each({a})" for a in arguments]
-        constants = [self._graph.nodes[a].operation == CONSTANT for a in node.arguments]
-        if node.operation == ca.OP_CONSTPOW:
-            power = _POWERS.get(self._graph.nodes[node.arguments[1]].constant)
+    def _expression(self, k: int, operands: list[str]) -> str:
+        graph, operation, arguments = self._graph, self._graph.operations[k], self._graph.arguments[k]
+        if operation in _FORMS:
+            if operation in _MASKS or not graph.depends[k]:
+                constants = [graph.operations[a] == CONSTANT for a in arguments]
+                if all(constants) or (any(constants) and operation in _MASKS):
+                    operands = [f"each({a})" for a in operands]
+            return _FORMS[operation].format(*operands)
+        each = [f"each({a})" for a in operands]
+        if operation == ca.OP_CONSTPOW:
+            power = _POWERS.get(graph.data[arguments[1]])
             if power is not None:
-                return power.format(arguments[0])
-        if node.pieces is not None:
-            count = node.pieces.data.shape[1]
-            if node.operation == SEARCH:
-                return f"v_search({node.pieces.name}, {count}, {', '.join(each)})"
-            return f"v_entry({node.pieces.name} + {(node.index + 2) * count}, {arguments[0]})"
-        if node.operation in _CALLS:
-            return f"{_CALLS[node.operation]}({', '.join(each)})"
-        if node.operation not in _FORMS:
-            raise DeclarationError(f"The compiled engine does not support {operation_name(node.operation)}.")
-        plain = all(constants) or (any(constants) and node.operation in _MASKS)
-        return _FORMS[node.operation].format(*(each if plain else arguments))
+                return power.format(operands[0])
+        if operation in (SEARCH, ENTRY):
+            pieces = graph.data[k if operation == SEARCH else arguments[0]]
+            count = pieces.data.shape[1]
+            if operation == SEARCH:
+                return f"v_search({pieces.name}, {count}, {', '.join(each)})"
+            return f"v_entry({pieces.name} + {(graph.data[k] + 2) * count}, {operands[0]})"
+        if operation not in _CALLS:
+            raise DeclarationError(f"The compiled engine does not support {operation_name(operation)}.")
+        return f"{_CALLS[operation]}({', '.join(each)})"
 
 
 def _chunks(statements: Iterable[int]) -> list[list[int]]:

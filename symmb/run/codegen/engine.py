@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symmb._types import Array
-from symmb.declare.symbolic import called
+from symmb.declare.symbolic import instructions
 from symmb.run.codegen.build import load
 from symmb.run.codegen.c_source import c_fields
 from symmb.run.codegen.contacts import BLAMED, CROWD, EVENT, Contacts
@@ -202,7 +202,7 @@ class Engine:
         tableau = CLASSICAL if isinstance(lanes.control, FixedStep) else None
         self._source = source_of(f, scheme or tableau, lanes.ends.hysteresis, lanes.contacts, self.use)
         self._numbers = np.array(self._source.numbers)
-        self._pieces = {entry.pieces.name: entry.pieces.data for call in called(f).values() for entry in call if entry}
+        self._pieces = {entry.pieces.name: entry.pieces.data for entry in instructions(f).entries() if entry}
         self._open()
 
     def _open(self) -> None:

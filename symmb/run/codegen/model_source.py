@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple
 import casadi as ca
 
 from symmb.declare import symbolic
-from symmb.declare.symbolic import Pieces
+from symmb.declare.symbolic import Pieces, instructions
 from symmb.run.codegen import cache
 from symmb.run.codegen.c_source import c_source
 from symmb.run.codegen.contacts import Contacts
@@ -167,8 +167,8 @@ def source_of(
     write = functools.partial(_ensemble_source, f, scheme, hysteresis, contacts, use)
     if f.n_instructions() < LARGE_MODEL:
         return write()
-    described = [f.serialize(), repr((scheme, hysteresis, contacts, use)), _generator()]
-    key = hashlib.sha256("\0".join(described).encode()).hexdigest()[:32]
+    described = f"{f} {(scheme, hysteresis, contacts, use)!r} {_generator()}".encode()
+    key = hashlib.sha256(described + instructions(f).identity()).hexdigest()[:32]
     path = cache.find(key, ".c")
     if path is not None:
         model, engine, numbers = path.read_text(encoding="utf-8").split("\f")
@@ -234,7 +234,7 @@ def _ensemble_source(
         nodes.setdefault(name, [])
     emitter = Emitter(graph, place, numbers_as_data=use == "lanes")
     parts, functions, n_c = emitter.source(nodes)
-    lists = _state_lists(emitter, nodes, place, bool(hysteresis) or use == "run")
+    lists = _state_lists(graph, nodes, place, bool(hysteresis) or use == "run")
     sizes_of_model = {
         "N_P": f.numel_in(1),
         "N_C": n_c,
@@ -266,7 +266,9 @@ def _ensemble_source(
     scalar, ends = {"lanes": ([], ["ensemble"]), "run": ([], []), "card": (["scalar"], ["kernel"])}[use]
     before = ["#define APART"] if use == "lanes" else []
     before += [*_defined(sizes), f"enum {{ {', '.join(FailureCode.__members__)} }};", c_source(*scalar, "lanes")]
-    model = _defined({"N_PARTS": len(parts), "LARGE": int(len(graph.nodes) > LARGE_MODEL), **sizes_of_model}) + before
+    model = (
+        _defined({"N_PARTS": len(parts), "LARGE": int(len(graph.operations) > LARGE_MODEL), **sizes_of_model}) + before
+    )
     # Lanes share the data of pieces with Python. Other programs do not have these data.
     model += [f"extern const double *{n};" if use == "lanes" else _data(n, p) for n, p in graph.pieces.items()]
     model += [f"{_only_in(k)}\n{part}\n#endif" for k, part in enumerate(parts)]
@@ -298,14 +300,14 @@ def _defined(sizes: Mapping[str, object]) -> list[str]:
 
 
 def _state_lists(
-    emitter: Emitter, nodes: Mapping[str, list[int]], place: list[int], ends_anywhere: bool
+    graph: Graph, nodes: Mapping[str, list[int]], place: list[int], ends_anywhere: bool
 ) -> dict[str, Sequence[int]]:
     """Places of all states, of the states that are interpolated, and of the states on which bounds depend."""
     explicit, n_x = "rates" in nodes, len(place)
     # Outputs need only a few states. If steps can end anywhere, all states are interpolated.
-    of_outputs = range(n_x) if ends_anywhere else sorted(place[i] for i in emitter.inputs(nodes["outputs"], 0))
+    of_outputs = range(n_x) if ends_anywhere else sorted(place[i] for i in graph.inputs(nodes["outputs"], 0))
     used = list(of_outputs) if explicit else []
-    box = emitter.inputs(nodes.get("bounds", ()), BOX)
+    box = graph.inputs(nodes.get("bounds", ()), BOX)
     return {"place": place, "used": used, "ranged": sorted({i % n_x for i in box if i < 4 * n_x})}
 
 
@@ -346,9 +348,9 @@ def _state_order(graph: Graph, rates: list[int]) -> tuple[list[int], int]:
         return list(range(len(rates))), len(rates)
     integral: dict[int, int] = {}
     for i, k in enumerate(rates):
-        node = graph.nodes[k]
-        if node.operation == INPUT and node.source == 0 and node.index not in integral and i not in integral:
-            integral[node.index] = i
+        source, index = graph.data[k] if graph.operations[k] == INPUT else (-1, -1)
+        if source == 0 and index not in integral and i not in integral:
+            integral[index] = i
     integral = {v: x for v, x in integral.items() if v not in integral.values()}
     own = [*integral, *(i for i in range(len(rates)) if i not in integral and i not in integral.values())]
     return [*own, *integral.values()], len(own)

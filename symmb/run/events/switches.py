@@ -101,7 +101,8 @@ def kinks(dae: DAE, times: Array) -> Kinks | None:
         f = ca.Function("equations", symbols, [ca.densify(ca.vertcat(f(*symbols), *held))])
     if not has_kinks(f):
         return None
-    f, at = with_common_expressions(f), [*zip(symbols, _INPUTS, strict=True)]
+    f = dae.remembered(_common_equations) if dae.sampling is None else with_common_expressions(f)
+    at = [*zip(symbols, _INPUTS, strict=True)]
     expression = switching(f, at)
     if not expression.kinks:
         return None
@@ -148,7 +149,7 @@ def parameter_switches(dae: DAE, y: ca.Function) -> ca.Function | None:
 def _branches(dae: DAE, _: Array) -> Branches:
     """The equations of motion on given sides of their switches. They have their own symbols."""
     f = dae.remembered(_equations)
-    return branches(with_common_expressions(f), [*zip(f.sx_in(), _INPUTS, strict=True)])
+    return branches(dae.remembered(_common_equations), [*zip(f.sx_in(), _INPUTS, strict=True)])
 
 
 def longest_step(dae: DAE, times: Array) -> float:
@@ -160,7 +161,7 @@ def _signals(dae: DAE, _: Array) -> ca.Function | None:
     """A Function (p, t) -> the functions of time in the equations; None if there are none."""
     f = dae.remembered(_equations)
     x, p, time = f.sx_in()
-    time_laws = laws(with_common_expressions(f)(x, p, time), p, time)
+    time_laws = laws(dae.remembered(_common_equations)(x, p, time), p, time)
     if not time_laws.numel():
         return None
     return ca.Function("signals", [p, time], [ca.densify(time_laws)])
@@ -305,3 +306,8 @@ def _equations(dae: DAE, _: Array) -> ca.Function:
     if dae.n_s:
         parts.append(dae.s_rate(*at))
     return ca.Function("equations", [x, p, t], [ca.densify(ca.vertcat(*parts))])
+
+
+def _common_equations(dae: DAE, _: Array) -> ca.Function:
+    """The function of `_equations`, in which equal expressions are evaluated once."""
+    return with_common_expressions(dae.remembered(_equations))

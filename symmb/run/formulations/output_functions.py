@@ -20,8 +20,10 @@ def declared_function(scene: Scene, own: System, y: ca.SX) -> ca.Function:
     return ca.Function("declared", arguments, [ca.densify(y)])
 
 
-def output_function(dae: DAE, scene: Scene, y: ca.SX) -> ca.Function:
-    """A function (x, p, t) -> y. Multipliers and accelerations are computed only if y depends on them."""
+def output_function(dae: DAE, scene: Scene, y: ca.SX, often: bool = True) -> ca.Function:
+    """A function (x, p, t) -> y. Multipliers and accelerations are computed only if y depends on them.
+
+    For a function that is not evaluated often, the search for common expressions takes longer than the evaluations."""
     system = scene.system
     x, p, t = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
     at = dae.arguments(x, p, t)
@@ -30,7 +32,8 @@ def output_function(dae: DAE, scene: Scene, y: ca.SX) -> ca.Function:
     declared = declared_function(scene, system, y)
     multipliers = _multipliers(dae, scene, y, at)
     accelerations = dae.rhs(*at)[1] if _contains(y, system.vdot) else ca.SX(*system.vdot.shape)
-    return common("y", [x, p, t], [declared(ca.vertcat(*map(ca.vec, at[:-2])), p, t, multipliers, accelerations)])
+    found = declared(ca.vertcat(*map(ca.vec, at[:-2])), p, t, multipliers, accelerations)
+    return (common if often else ca.Function)("y", [x, p, t], [found])
 
 
 def joint_output_function(

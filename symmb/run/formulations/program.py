@@ -26,7 +26,7 @@ from symmb.run.formulations.ensembles import (
 )
 from symmb.run.formulations.formulation import Formulation, Formulations, formulations
 from symmb.run.formulations.output_functions import jet_outputs, outputs_along
-from symmb.run.integrate import CVODES, CompiledSolver, Integration, Solver, Task, impacts_text, refined
+from symmb.run.integrate import CVODES, CompiledSolver, Integration, Run, Solver, Task, impacts_text, refined
 
 if TYPE_CHECKING:
     from symmb.run.codegen import Card, CardEngine
@@ -45,6 +45,7 @@ class _Compiled:
 
     def __init__(self, parts: dict[Hashable, Any] | None = None) -> None:
         self.parts, self.seconds = parts or {}, 0.0
+        self.last: tuple[tuple[bytes, bytes], list[Run]] | None = None  # start and parameters of a run, and the run
 
     def get(self, key: Hashable, make: Callable[[], Any]) -> Any:
         """The part with this key. At the first use, `make` makes the part."""
@@ -55,7 +56,7 @@ class _Compiled:
         return self.parts[key]
 
     def __getstate__(self) -> dict[str, Any]:
-        return vars(self) | {"parts": {key: part for key, part in self.parts.items() if key != "single"}}
+        return vars(self) | {"parts": {k: part for k, part in self.parts.items() if k != "single"}, "last": None}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -180,11 +181,18 @@ class Program:
                 return kind(form, cast("CardEngine", self.engine()), P, float(self.times[0]), threads)
             if self.is_stateless:
                 return ensemble_of_expressions(form, P, self.times, threads)
-            x0, reasons = form.start.states(P)
-            runs = self.integration().run(x0, P, threads)
-            runs = [replace(run, message=why) if why else run for run, why in zip(runs, reasons, strict=True)]
+            runs = self.states(P, threads)
             Y = outputs_along(form.y, runs, P, self.times, threads)
             return ensemble_of_runs(form, self.times, Y, runs, P)
+
+    def states(self, P: Array, threads: int = 1) -> list[Run]:
+        """Runs of samples P (N, d) by an integration. The last run of one sample is kept for other checks of it."""
+        x0, reasons = self.formulation.start.states(P)
+        key, last = (x0.tobytes(), P.tobytes()), self.compiled.last
+        if last is None or last[0] != key:
+            last = key, self.integration().run(x0, P, threads)
+            self.compiled.last = last if len(P) == 1 else None
+        return [replace(run, message=why) if why else run for run, why in zip(last[1], reasons, strict=True)]
 
     def identity(self) -> str:
         """A digest of equations, start, outputs, times and solver."""

@@ -5,23 +5,27 @@ The steps are made by compiled loops in `codegen/c/embedded_pair.h` and `codegen
 
 from abc import abstractmethod
 from dataclasses import dataclass, field
-from typing import ClassVar, cast
+from typing import TYPE_CHECKING, ClassVar, cast
 
 import casadi as ca
 import numpy as np
 
 from symmb._limits import MOST_STEPS_KEPT, require_steps
 from symmb._types import Array
-from symmb.equations.model import DAE
+from symmb.declare.symbolic import instructions
+from symmb.equations.model import DAE, LAST_ENGINE
 from symmb.equations.start import Start
 from symmb.run import integrate
-from symmb.run.codegen import Lanes, StepEnds, model_function
+from symmb.run.codegen import Engine, Lanes, StepEnds, model_function
 from symmb.run.integrate.compiled import CompiledSolver, Task
 from symmb.run.integrate.initial_value_problem import PROJECTION_STEPS, InitialValueProblem, build_problem
 from symmb.run.integrate.integration import Integration
 from symmb.run.integrate.stabilization import AugmentedLagrangian, Projection, Stabilization
 from symmb.run.integrate.step_ends import SwitchedProblem, stops_in_time, switched
 from symmb.run.schemes import CLASSICAL
+
+if TYPE_CHECKING:
+    from symmb.run.codegen import Card
 
 
 class Explicit(CompiledSolver):
@@ -37,6 +41,20 @@ class Explicit(CompiledSolver):
 
     @abstractmethod
     def has_dense_output(self, dae: DAE) -> bool: ...
+
+    def engine(self, task: Task, card: "Card | None" = None) -> Engine:
+        if card is not None:
+            return super().engine(task, card)
+        # The last engine of a DAE is used at other tolerances too, because large models take seconds.
+        dae, times, y, *others = task
+        outputs = instructions(y).identity()
+        key = type(self), self.stabilization, times.tobytes(), dae.p_nominal.tobytes(), outputs, *others
+        if dae.memory.get(LAST_ENGINE, ((), None))[0] != key:
+            dae.memory[LAST_ENGINE] = key, super().engine(task)
+        engine = dae.memory[LAST_ENGINE][1].at(times)
+        n_x = (dae.n_q + dae.n_v + dae.n_s) * (task.order + 1)
+        engine.control = self.limited_control(dae, times, task.order, engine.n_x - n_x)
+        return engine
 
     def lanes(self, task: Task) -> Lanes:
         dae, times, y, order, work, start, alone = task

@@ -27,7 +27,7 @@ def linear_theory_doubts(scene: Scene, dae: DAE, X: Array, p: Array, t: Array) -
     some = attached_loads(scene) if len(t) else ()
     doubts = [*deformation_doubts(scene, dae, X, p, t)] if some else []
     for k, loads in enumerate(some):
-        f = scene.remembered((_stretched, k), lambda: output_function(dae, scene, loads.wrenches))  # noqa: B023
+        f = scene.remembered((_stretched, k), lambda: output_function(dae, scene, loads.wrenches, often=False))  # noqa: B023
         doubts += _stretched(loads, batch(f, X, p, t[:, None])[0].reshape(len(t), -1))
     for lack in left_out(scene, dae, some, X, p, t) if some else ():
         # Largest fraction of the effect of deformations on an output that modes may neglect.
@@ -45,7 +45,7 @@ def deformation_doubts(scene: Scene, dae: DAE, X: Array, p: Array, t: Array) -> 
     for k, body in enumerate(scene.system.bodies):
         if is_flexible(body) and (n := len(body.modes.stiffness)):
             moved = ca.vertcat(body.eta, body.frame.omega)
-            f = scene.remembered((deformation_doubts, k), lambda: output_function(dae, scene, moved))  # noqa: B023
+            f = scene.remembered((deformation_doubts, k), lambda: output_function(dae, scene, moved, often=False))  # noqa: B023
             eta, omega = np.split(batch(f, X, p, t[:, None])[0].reshape(len(t), -1), [n], axis=1)
             yield from (*_turned(body, eta, t), *_spun(body, omega, t), *_beyond(scene, body, p))
 

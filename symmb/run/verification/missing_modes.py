@@ -157,7 +157,9 @@ def with_loads(scene: Scene, formulation: Formulation, some: tuple[AttachedLoads
         return formulation
     x, p, t = (ca.SX.sym(name, formulation.y.numel_in(k)) for k, name in enumerate("xpt"))
     bodies = formulation.bodies
-    wrenches = output_function((bodies or formulation).dae, scene, ca.vertcat(*(loads.wrenches for loads in some)))
+    wrenches = output_function(
+        (bodies or formulation).dae, scene, ca.vertcat(*(loads.wrenches for loads in some)), False
+    )
     y = ca.vertcat(formulation.y(x, p, t), wrenches(x if bodies is None else bodies.states()(x, p), p, t))
     return replace(formulation, y=common("y", [x, p, t], [y]))
 
@@ -234,7 +236,7 @@ def _judged(
         names = tuple(f"{node.body.name}.{axis}" for node in nodes for axis in "xyz")
         y = scene.expression(ca.vertcat(*(node.r for node in nodes)))
     values = ca.vertcat(y, *[ca.vertcat(loads.body.eta, loads.wrenches) for loads in some])
-    return names, output_function(dae, scene, values), _slopes(scene, some, y)
+    return names, output_function(dae, scene, values, often=False), _slopes(scene, some, y)
 
 
 def _slopes(scene: Scene, some: tuple[AttachedLoads, ...], y: ca.SX) -> ca.Function:
@@ -245,7 +247,7 @@ def _slopes(scene: Scene, some: tuple[AttachedLoads, ...], y: ca.SX) -> ca.Funct
     for loads in some:
         R = loads.body.frame.R
         parts += [R[:2, :2] if loads.rigid == 3 else R, ca.jacobian(loads.wrenches, lam)]
-    return common("slopes", states, [ca.densify(part) for part in parts])
+    return ca.Function("slopes", states, [ca.densify(part) for part in parts])
 
 
 class _Moved:

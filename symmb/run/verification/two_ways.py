@@ -206,9 +206,7 @@ class OtherWays:
 
     def _theory(self, flexible: Scene, p: Array) -> tuple[str, ...]:
         way = self._other if self._program.runs_in_lanes else self._program
-        form = way.formulation
-        run = way.integration().run(form.start.states(p[None])[0], p[None])[0]
-        return linear_theory_doubts(flexible, *form.in_bodies(run.X, p), p, way.times)
+        return linear_theory_doubts(flexible, *way.formulation.in_bodies(way.states(p[None])[0].X, p), p, way.times)
 
     def _once(self, what: str, p: Array, tell: Callable[[], Any]) -> Any:
         key = what, p.tobytes()
