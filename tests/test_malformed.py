@@ -100,7 +100,7 @@ def test_files_that_cannot_be_written_or_read(tmp_path):
 
 def test_numbers_of_what_users_give():
     assert numbers_of(np.longdouble(1.5)) == 1.5 and numbers_of([10**30, 1]).tolist() == [1e30, 1.0]
-    others = "1", b"1", {}, {1}, 1j, [1j], None, [[1], [1, 2]], np.timedelta64(1), [ca.SX.sym("x")], object()
+    others = "1", b"1", {}, {1}, 1j, [1j], None, [[1], [1, 2]], np.timedelta64(1, "s"), [ca.SX.sym("x")], object()
     truths, buffers = (True, [0, True], np.array([True])), (memoryview(b"x"), bytearray(b"x"), [memoryview(b"x")])
     for value in (*others, *truths, *buffers, np.ma.masked):
         assert numbers_of(value) is None
