@@ -501,3 +501,25 @@ def test_a_damaged_engine_is_compiled_again(folder):
         np.testing.assert_allclose(Y[0, 1], np.exp(-(k + 1.0)), rtol=1e-8)
         (kept,) = folder.glob("*.o")
         kept.write_bytes(kept.read_bytes()[:100])
+
+
+@pytest.mark.parametrize("flag", ["-ffast-math", "-std=c99", "-DWIDTH=4"])
+def test_flags_that_change_results_or_hide_functions_are_refused(flag, folder, compilers, monkeypatch):
+    monkeypatch.setenv("SYMMB_CFLAGS", flag)
+    refused("SYMMB_CFLAGS is", build.load, ANSWER)
+
+
+def test_an_alarm_of_the_user_during_a_compilation_passes_through(folder, compilers, tmp_path, monkeypatch):
+    def ring(*_):
+        raise TimeoutError("the user's")
+
+    monkeypatch.setenv("CC", str(program(tmp_path / "slow", "sleep 20")))
+    before = signal.signal(signal.SIGALRM, ring)
+    signal.setitimer(signal.ITIMER_REAL, 0.3)
+    try:
+        with pytest.raises(TimeoutError, match="the user's"):
+            build.load(ANSWER)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+    assert not build._UNUSABLE

@@ -5,6 +5,7 @@ import functools
 import hashlib
 import importlib.util
 import itertools
+import math
 import os
 import platform
 import re
@@ -41,7 +42,11 @@ _DEFINED = ("-Wl,-z,defs",) if sys.platform.startswith("linux") else ()
 _LIBMVEC = ("-DLIBMVEC", "-Wl,--no-as-needed", "-lmvec")
 
 _PROBE = """
+#include <stdlib.h>
 #include "lanes.h"
+#if WIDTH != 8
+#error flags change the number of lanes
+#endif
 #ifdef __cplusplus
 #error the sources are C
 #endif
@@ -49,6 +54,8 @@ _PROBE = """
 #error the vector functions are compiled for processors with AVX2
 #endif
 V probe(V a) { return v_sin(a) + v_pow(a, a) + v_sqrt(a); }
+void *(*room)(size_t, size_t) = aligned_alloc; /* a flag such as -std=c99 hides its declaration */
+int is_number(double a) { return a == a; }     /* always 1 with -ffast-math */
 int answer(void) { return 42; }
 """
 
@@ -215,6 +222,8 @@ def _loaded(source: str, compiler: "_Compiler", *names: str, engine: str = "") -
             cache.keep(key, library_path.read_bytes())
             # Either folder may forbid the execution of programs. A library in the cache serves other processes too.
             library = _opened(cache.find(key), *names) or _opened(library_path, *names)
+    except TimeoutError:
+        raise
     except OSError as error:
         raise _BuildError(f"temporary files cannot be written ({error}). Set TMPDIR to another folder.") from error
     if library is None:
@@ -226,9 +235,9 @@ def _loaded(source: str, compiler: "_Compiler", *names: str, engine: str = "") -
 
 def _opened(library: Path | None, *names: str) -> ctypes.CDLL | None:
     """A library, or None if it cannot be loaded or does not contain all names."""
-    if library is None or not _has_its_segments(library.read_bytes()):
-        return None
     try:
+        if library is None or not _has_its_segments(library.read_bytes()):
+            return None
         opened = ctypes.CDLL(str(library))
     except OSError:
         return None
@@ -263,8 +272,9 @@ def _built(source: str, folder: Path, compiler: "_Compiler", engine: str) -> Pat
     objects = {text.with_suffix(f".{k}.o"): text for k in range(parts)}
     key, shared = _key(engine, *compiler.command, compiler.version, *compiler.flags), folder / "engine.o"
     if kept := cache.find(key, ".o"):
-        shared.write_bytes(kept.read_bytes())
-    else:
+        with suppress(FileNotFoundError):  # another process may have removed it
+            shared.write_bytes(kept.read_bytes())
+    if not shared.exists():
         objects[shared] = folder / "engine.c"
         objects[shared].write_text(engine, encoding="utf-8")
     commands = [
@@ -273,7 +283,7 @@ def _built(source: str, folder: Path, compiler: "_Compiler", engine: str) -> Pat
     ]
     last = [*compiler.command, *map(str, {**objects, shared: ""}), *to_library]
     _compile(["/bin/sh", "-c", _side_by_side(commands, last)], library_path, folder, seconds)
-    if not kept:
+    if shared in objects:
         cache.keep(key, shared.read_bytes(), ".o")
     return library_path
 
@@ -308,6 +318,8 @@ def _ran(command: Sequence[str], seconds: float, folder: Path | None = None, pur
         return run_program(command, seconds, folder)
     except subprocess.TimeoutExpired:
         raise _TimeoutError(f"the compiler takes longer than {seconds:.0f} s{purpose}.") from None
+    except TimeoutError:  # of the user's signal handler
+        raise
     except OSError as error:
         raise _BuildError(f"the compiler cannot be started ({error.strerror}).") from None
 
@@ -416,8 +428,10 @@ def _probe(compiler: tuple[str, ...], version: str, flags: tuple[str, ...]) -> N
             # Undefined symbols are errors of the linker (_DEFINED). A library that cannot be loaded from a folder
             # mounted noexec may therefore still be good, and can be loaded from the cache.
             library = _opened(library_path)
-            if library is not None and library.answer() != 42:
+            if library is not None and (library.answer() != 42 or library.is_number(ctypes.c_double(math.nan))):
                 raise _BuildError("the functions that the compiler has built return wrong values.")
+    except TimeoutError:
+        raise
     except (OSError, AttributeError) as error:
         raise _BuildError(f"its test fails ({error}).") from error
     cache.note(key)

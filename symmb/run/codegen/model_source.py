@@ -259,6 +259,7 @@ def _ensemble_source(
     numbers = {"hysteresis": list(hysteresis)}
     if contacts is not None:
         sizes |= _sizes_of(contacts)
+        sizes_of_model["N_WORK"] = int(contacts.with_work)
         lists |= {"contact_state": contacts.closed, **contacts.joints}
         numbers |= {"displacement": list(contacts.displacements), "scales": [contacts.length, contacts.energy]}
     data = [*emitter.numbers, *(value for values in numbers.values() for value in values)] if use == "lanes" else []
@@ -284,8 +285,8 @@ def _ensemble_source(
     model += [functions, "#endif\n"]
     engine = ["#ifdef PART", *_defined(dict(zip(sizes_of_model, known, strict=True))), *before]
     engine += [f"extern MODEL const {_kind(value)} {name};" for name, value in known.items()]
-    engine += [f"extern MODEL const int {name}[];" for name in lists]
-    engine += [f"MODEL void {name}(const V *restrict, V *, V, V *restrict);" for name in nodes]
+    engine += [f"extern MODEL const int {name}[];" for name in sorted(lists)]
+    engine += [f"MODEL void {name}(const V *restrict, V *, V, V *restrict);" for name in sorted(nodes)]
     engine += ["MODEL void prepare(const V *restrict, V *);", "#endif"]
     engine += [c_source("block", "projection", "switches", "impacts"), *steps, c_source("begin", *ends)]
     return Source("\n".join(model), "\n".join(engine) + "\n", tuple(data))
@@ -318,7 +319,6 @@ def _sizes_of(contacts: Contacts) -> dict[str, float]:
         "N_Q": contacts.n_q,
         "N_V": contacts.n_v,
         "WIDTH": 1,
-        "N_WORK": int(contacts.with_work),
         "N_E": len(contacts.joints.get("opens", ())),
         "N_PLACE": len(contacts.joints.get("place_state", ())),
         "N_OTHERS": len(contacts.joints.get("other_state", ())),
