@@ -7,6 +7,7 @@ import inspect
 import re
 import runpy
 import tomllib
+import typing
 from concurrent.futures import ThreadPoolExecutor
 from email.message import Message
 from importlib.metadata import version
@@ -378,3 +379,10 @@ def test_a_planted_fault_has_its_place_and_its_tests(fault):
     assert fault.before != fault.after
     assert text_of(fault.file).count(fault.before) == 1
     assert all((ROOT / "tests" / room).is_dir() for room in fault.rooms.split())
+
+
+def test_types_of_public_functions_are_known_when_asked():
+    for name in mb.__all__:
+        function = getattr(mb, name)
+        if inspect.isfunction(function):
+            assert typing.get_type_hints(function), name

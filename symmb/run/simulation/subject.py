@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias, cast
+from typing import Any, TypeAlias, cast
 
 from symmb._errors import DeclarationError
 from symmb._interrupts import kept_interrupts
@@ -19,8 +19,8 @@ from symmb.run.simulation.dae_simulator import DAESimulator
 from symmb.run.simulation.figure_simulator import FigureSimulator
 from symmb.run.simulation.random_simulator import RandomSimulator, random_inputs
 
-Device: TypeAlias = "str | codegen.Card | None"
-"""The device of runs: "cuda" for a graphics card, or None for the processor."""
+Device: TypeAlias = str | Any | None
+"""The device of runs: "cuda" for a graphics card, a `Card`, or None for the processor."""
 _SCENE = "Scene(system, times=...) makes a Scene from a System."
 
 
