@@ -204,7 +204,8 @@ def scene_of(subject: Scene | Simulator) -> Scene:
     if isinstance(scene, Scene):
         return scene
     if hasattr(subject, "outputs") and not isinstance(subject, type):
-        raise DeclarationError(f"Expected a Scene, but {subject!r} is a simulator. For runs, call its method run(P).")
+        what = "a copy without its scene" if isinstance(subject, DAESimulator) else "a simulator"
+        raise DeclarationError(f"Expected a Scene, but {subject!r} is {what}. For runs, call its method run(P).")
     raise DeclarationError(f"Expected a Scene, got {type(subject).__name__}. {_SCENE}")
 
 
