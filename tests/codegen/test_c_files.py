@@ -162,7 +162,7 @@ int main(void) {{
   static const double atol[] = {{ {atol} }}, numbers[] = {{ {numbers} }};
   for (int i = 0; i < {n}; ++i) t_failed[i] = NAN;
   Study s = {{x0, p, times, {n}, {n_t}, {rtol}, {growth}, {ahead}, {least}, atol, {longest}, {newton}, 100000, 0,
-             t_failed, failure, x_failed, Y, 0, 0, 0, 0, 0, 0, 0, events, 0, 100, numbers}};
+             t_failed, failure, x_failed, Y, .events = events, .most_events = 100, .numbers = numbers}};
   if (!work(&s, NULL, NULL)) return 1;
   for (int i = 0; i < {n} * {n_t} * N_Y; ++i) printf("%.17g ", Y[i]);
   return 0;
