@@ -6,6 +6,7 @@
 # Seen with gcc 12.2 on x86-64: one vfmadd at -O2, none at -O1, and one at -O1 with -fexpensive-optimizations. clang
 # (in ziglang 0.13.0) has one at -O1 and at -O2. So results of a library that is compiled by gcc with -O1, for a
 # faster build, differ in their last digits from those of -O2.
+# gcc is that of the machine, such as gcc 12.2 of Debian 12; clang is pinned.
 # The manual of gcc lists -ffp-contract without this condition, and describes -fexpensive-optimizations as a number of
 # minor optimizations that are relatively expensive.
 set -euo pipefail
