@@ -133,3 +133,24 @@ def test_drives_that_contradict_each_other_are_told():
     assert agree.position_drift < 1e-9 and "warning" not in str(agree)
     told = r"leaves its constraints at t = .* drives contradict each other"
     refused(told, mb.simulate, led_by(law, law + mb.t**3), error=mb.SimulationError)
+
+
+def test_a_slider_that_touches_at_the_start_takes_no_more_steps():
+    """Eight samples whose contacts close within rounding of each other."""
+    p = mb.Parameters(mass=0.1, other=1.1, reach=0.44, rate=9100.0, k=2.6e5, c=76.0, gap=0.0)
+    ground, sliders = mb.Ground(), [mb.Body(f"s{i}", m, 1.0, mb.Planar()) for i, m in enumerate((p.mass, p.other))]
+    rails = [mb.Prismatic(f"r{i}", ground.point(0, 0), s.point(0, 0), axis=(1, 0)) for i, s in enumerate(sliders)]
+    touch = mb.Contact("touch", *(s.point(0, 0) for s in reversed(sliders)), (1, 0), mb.KelvinVoigt(p.k, p.c))
+    spring = mb.Actuator("spring", rails[0], -p.rate * rails[0].displacement)
+    start = {"r0.displacement": -p.reach, "r1.displacement": -p.reach + p.gap}
+    scene = mb.Scene(
+        mb.System(*sliders, *rails, touch, spring, parameters=p), start, np.linspace(0, 2e-3, 11), {"v": sliders[1].vx}
+    )
+    simulator = mb.DAESimulator(scene)
+    P = np.array([*scene.system.parameters.values()]) * np.random.default_rng(0).uniform(0.97, 1.03, (8, 7))
+    steps = []
+    for gap in (1e-5, 0.0):
+        P[:, -1] = gap
+        assert simulator.run(P.copy()).ok.all()
+        steps.append(simulator.program.engine().counts.steps)
+    assert steps[1] <= 1.2 * steps[0]

@@ -91,8 +91,9 @@ typedef struct {
   long steps, iterations, most;
   int under_way, meets, contact; /* whether a step is not finished, and has events at its end; see impacts.h */
   double pass;                   /* the fraction of the step at which a switch is passed; 2 without a pass */
-  int shortened, missed;         /* whether the step was shortened, so that it ends just after a switch, and the number of
-                                    shortened steps just before it that did not reach the switch */
+  int shortened, missed, grazes; /* whether the step was shortened, so that it ends just after a switch; the number of
+                                    shortened steps just before it that did not reach the switch; and whether switches fall
+                                    below 0 until the end of the step, but all by less than the hysteresis */
   double wanted, first;          /* of implicit steps: the next length, and the first length of a run or after a stop */
   int fresh;                     /* of implicit steps: whether the history starts with the next step */
   double *lower, *upper; /* extremes of the block, (n_t, N_Y) */

@@ -207,11 +207,13 @@ PRIVATE void restart(Block *b, const Study *s) {
 
 /* Whether a shorter step replaces a step that passes a switch at its fraction z. Steps close to the shortest step are not
    replaced, because their length is hardly more than the rounding of times. */
-PRIVATE int is_early(const Block *b, double z, double shortest) { return z < LATE && z * b->h > 10.0 * shortest; }
+PRIVATE int is_early(const Block *b, double z, double shortest) {
+  return z < LATE && !b->grazes && z * b->h > 10.0 * shortest;
+}
 
 /* Begins the run at the first time. Returns 0 if samples failed. */
 PRIVATE int begin_run(Block *b, Study *s) {
-  b->steps = b->shortened = b->missed = b->under_way = 0;
+  b->steps = b->shortened = b->missed = b->grazes = b->under_way = 0;
   if (s->n_t == 1) return 1;
   begin_tolerances(b, s);
   follow_sizes(b, s);

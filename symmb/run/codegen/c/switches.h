@@ -210,7 +210,7 @@ PRIVATE M is_open(Part *a, V begin, V end, double share, double h, const V *u, c
 
 /* Whether a switch may have been passed in a step. `last` is the place in k of the slope at the end. */
 PRIVATE int may_pass(Block *b, int last) {
-  M any = (M)zero();
+  M any = (M)zero(), falls = any, deep = any;
   /* Ranges of forces are too wide. So steps with a closed contact, or with a joint that opens by its force, are always
      searched. */
   for (int k = 0; k < N_I; ++k) any |= is_closed(b->part, k) - (M)zero();
@@ -224,8 +224,15 @@ PRIVATE int may_pass(Block *b, int last) {
       a->raised[k] = blend(beyond, zero(), a->raised[k]);
     }
     on_sides(a, a->x_new, each(between_stops(b, b->t_new)), a->u_new);
-    for (int k = 0; k < N_S; ++k) any |= (M)(a->u[k] < 0.0) | (M)(a->u_new[k] < 0.0);
+    for (int k = 0; k < N_S; ++k) {
+      any |= (M)(a->u[k] < 0.0) | (M)(a->u_new[k] < 0.0);
+      falls |= (M)(a->u_new[k] < 0.0);
+      deep |= (M)(a->u_new[k] < -HYSTERESIS(a, k));
+    }
   }
+  /* A switch that falls by less than rounding until the end of the step is passed there as exactly as anywhere. A shorter step
+     would move it by less than its rounding, and might miss the pass. */
+  b->grazes = !none(falls) && none(deep);
   /* Signs at the ends do not show a switch that is passed twice in between. For most steps, ranges over a box around the step
      exclude this at the cost of one evaluation. Only the other steps are searched. The interpolant costs three evaluations, and
      does not exist yet. Therefore the cubic through the ends is used, with SCREEN for its distance from the state. */
