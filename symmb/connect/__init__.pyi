@@ -8,6 +8,7 @@ from .recorded_runs import RecordedRuns as RecordedRuns
 from .run_database import STATES as STATES, RunDatabase as RunDatabase, open_run_database as open_run_database
 from .simulator import (
     BLOCK as BLOCK,
+    RUNS_TOGETHER as RUNS_TOGETHER,
     S as S,
     Attained as Attained,
     Ensemble as Ensemble,

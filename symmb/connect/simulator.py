@@ -28,6 +28,8 @@ S = TypeVar("S")
 Progress = Callable[[int, int], None]
 """A function of the number of finished samples and the number of all samples."""
 
+RUNS_TOGETHER = 64
+"""Number of samples of a repeated block: a multiple of the number of samples with common steps."""
 BLOCK = 128
 """Number of samples of a block. Compiled scenes use `block_size` in `run/formulations/ensembles.py`. Loops over 128
 samples are long enough for vector instructions, and 12 outputs at 1001 times take only 12 MB."""
@@ -346,10 +348,11 @@ class Attained:
         self.reach: list[tuple[Array, Array]] = []
         self.lower_at, self.upper_at = np.zeros((2, n_t, n_y), dtype=np.intp)
 
-    def add(self, lower: Array, upper: Array, P: Array, Y: Array | None, at: Indices | None) -> None:
+    def add(self, lower: Array, upper: Array, P: Array, Y: Array | None, at: Indices | None, together: int = 1) -> None:
         """Add values (n_t, n_y) of samples P (n, d).
 
-        With outputs Y (n, n_t, n_y), or numbers `at` (2, n_t, n_y) of the samples, each sample counts as a block.
+        With outputs Y (n, n_t, n_y), each group of `together` samples counts as a block. With numbers `at` (2, n_t, n_y)
+        of the samples, each sample does.
         """
         if self.nominal is None and self._nominal_parameters is not None and Y is not None:
             distance = np.abs(P - self._nominal_parameters)
@@ -364,14 +367,16 @@ class Attained:
             if at is not None:
                 best = at[k][better]
             elif Y is not None:
-                best = np.where(np.isnan(Y[:, better]), np.inf, sign * Y[:, better]).argmin(axis=0)
+                of_group = np.fmin if sign > 0 else np.fmax
+                groups = Y if together == 1 else of_group.reduceat(Y, range(0, len(Y), together), axis=0)
+                best = np.where(np.isnan(groups[:, better]), np.inf, sign * groups[:, better]).argmin(axis=0)
             else:
                 numbers[better] = len(self.blocks)
                 self.blocks.append(P.copy())
                 continue
             rows, inverse = np.unique(best, return_inverse=True)
             numbers[better] = len(self.blocks) + inverse
-            self.blocks += [P[[row]] for row in rows]
+            self.blocks += [P[row * together : (row + 1) * together].copy() for row in rows]
         np.minimum(self.lower, lower, out=self.lower)
         np.maximum(self.upper, upper, out=self.upper)
         self.runs += len(P)
@@ -392,11 +397,17 @@ def attained_by_runs(n_t: int, n_y: int, nominal_parameters: Array | None = None
 
 
 def note_attained(
-    lower: Array, upper: Array, P: Array, Y: Array | None = None, at: Indices | None = None, reach: Array | None = None
+    lower: Array,
+    upper: Array,
+    P: Array,
+    Y: Array | None = None,
+    at: Indices | None = None,
+    reach: Array | None = None,
+    together: int = 1,
 ) -> None:
     """Add values of runs, as by `Attained.add`, to the innermost context `attained_by_runs` if there is a context."""
     study = _STUDY.get()
     if study is not None:
-        study.add(lower, upper, P, Y, at)
+        study.add(lower, upper, P, Y, at, together)
         if reach is not None:
             study.reach.append((P, reach))

@@ -137,3 +137,14 @@ def test_a_doubtful_output_does_not_change_the_samples_of_another():
         np.stack([bounds.samples(100, LAWS, runs=200).parameters[name] for name in bounds.box.names], axis=1)
     )
     np.testing.assert_allclose(both, surrogate.values(points)[:, :, 0], rtol=1e-13)
+
+
+def test_samples_of_named_outputs_make_no_runs_for_others():
+    bounds = Brake().bounds(mb.PolynomialChaos(budget=200))
+    both, own = bounds.samples(100, LAWS, runs=200), bounds.samples(100, LAWS, outputs=["moving"], runs=40)
+    assert own.names == ("moving",)
+    np.testing.assert_array_equal(own["moving"], both["moving"])
+    with pytest.raises(mb.DeclarationError, match="no output 'movin'. Did you mean 'moving'"):
+        bounds.samples(100, LAWS, outputs=["movin"])
+    with pytest.raises(mb.DeclarationError, match="outputs is empty"):
+        bounds.samples(100, LAWS, outputs=[])

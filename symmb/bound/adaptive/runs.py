@@ -23,7 +23,7 @@ from symmb.bound.responses import (
     rests_for_a_time,
     rms,
 )
-from symmb.connect import Progress, Simulator, noise_from_runs, note_attained, run_blocks
+from symmb.connect import RUNS_TOGETHER, Progress, Simulator, noise_from_runs, note_attained, run_blocks
 from symmb.equations.model import Box
 from symmb.run.simulation import SceneSimulator, motion_of
 
@@ -295,8 +295,8 @@ class Runs:
         failed_runs = tuple(zip(bad.tolist(), ensemble.t_failed[bad].tolist(), ensemble.messages, strict=True))
         self.failed += failure_records(self.simulator, self.whole, P, failed_runs)
         low, high = ensemble.extremes()
-        depend = isinstance(self.simulator, SceneSimulator)  # its runs have common steps
-        note_attained(low, high, P, None if depend else ensemble.Y, reach=ensemble.reach)
+        together = RUNS_TOGETHER if isinstance(self.simulator, SceneSimulator) else 1
+        note_attained(low, high, P, ensemble.Y, reach=ensemble.reach, together=together)
         if not ensemble.ok.any():
             return ensemble.Y, ensemble.ok, ensemble.events
         # Errors are squared, and squares of numbers above 1e154 overflow. Powers of two change no digit.

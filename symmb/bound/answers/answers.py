@@ -10,7 +10,7 @@ import numpy as np
 from symmb._errors import DeclarationError, PropagationError
 from symmb._magnitudes import ROUNDING, SAME
 from symmb._names import ByName
-from symmb._options import whole
+from symmb._options import require_names, whole
 from symmb._types import Array, Mask
 from symmb._units import told_units, units_of_parameters
 from symmb.bound import answers
@@ -339,19 +339,25 @@ class Answers(Envelope):
         correlation: "answers.Correlation | None" = None,
         seed: int = 0,
         *,
+        outputs: Sequence[str] | None = None,
         distributions: Mapping[str, Any] | None = None,
         runs: int | None = None,
     ) -> "simulation.Sweep":
         """Responses for n random samples of parameters that all have distributions; see `quantiles`.
 
-        The responses follow from the polynomials that `contributions` uses, or from runs. `runs` is the largest number
-        of further runs, as in `contributions`.
+        The responses follow from the polynomials that `contributions` uses. Outputs with inaccurate polynomials need n
+        runs. `outputs` are the names of the outputs that are computed, by default all. `runs` is the largest number of
+        further runs, as in `contributions`.
         """
         given = answers.given_once("Bounds.samples", laws, distributions)
+        names = self.names if outputs is None else require_names("Bounds.samples", "output", outputs, self.names)
+        if not names:
+            raise DeclarationError("Bounds.samples: outputs is empty. Omit it for all outputs.")
+        columns = [self.names.index(name) for name in names]
         return self._answered(
             "Bounds.samples",
             runs,
-            lambda own: answers.samples_of(own, n, given, correlation, seed, self.nominal_parameters),
+            lambda own: answers.samples_of(own, n, columns, given, correlation, seed, self.nominal_parameters),
             has_error=False,
         )
 

@@ -341,12 +341,18 @@ def _near_limit(samples: LawSamples, limits: tuple[Ends, Ends], error: float, mo
 
 
 def samples_of(
-    responses: Responses, n: object, laws: object, correlation: object, seed: object, nominal: Mapping[str, float]
+    responses: Responses,
+    n: object,
+    columns: Sequence[int],
+    laws: object,
+    correlation: object,
+    seed: object,
+    nominal: Mapping[str, float],
 ) -> Sweep:
-    """Random samples; see `Bounds.samples`."""
+    """Random samples of outputs with these numbers; see `Bounds.samples`."""
     owner, box = "Bounds.samples", responses.box
     number, seed = whole(owner, "n", n, 1), whole(owner, "seed", seed, 0)
-    require_memory(owner, "the samples", number * responses.lower.size)
+    require_memory(owner, "the samples", number * len(responses.t) * len(columns))
     own = Laws.of(owner, laws, correlation, box)
     lacking = [name for name, r in zip(box.names, box.radius, strict=True) if r > 0 and name not in own.names]
     if lacking:
@@ -356,13 +362,14 @@ def samples_of(
         )
     points = np.zeros((number, len(box)))
     points[:, own.columns] = own.unit_points((Random().points(number, len(own.names), seed) + 1) / 2, box)
-    Y = values_of(responses, points, range(len(responses.names))).Y
+    Y = values_of(responses, points, columns).Y
     parameters = {name: np.full(number, value) for name, value in nominal.items()}
     parameters |= dict(zip(box.names, box.from_unit(points).T, strict=True))
     parameters = ByName(parameters, units_of_parameters(nominal))
-    units = responses.units or ("",) * len(responses.names)
+    names = tuple(responses.names[k] for k in columns)
+    units = tuple(responses.units[k] if responses.units else "" for k in columns)
     name = f"samples by {responses.method}"
-    return Sweep(name, responses.t, responses.names, units, parameters, {}, Y, np.ones(number, dtype=bool), ())
+    return Sweep(name, responses.t, names, units, parameters, {}, Y, np.ones(number, dtype=bool), ())
 
 
 class Values(NamedTuple):

@@ -23,7 +23,7 @@ from symmb.bound.responses import (
     which_failed,
     with_tolerance_remark,
 )
-from symmb.connect import note_attained
+from symmb.connect import RUNS_TOGETHER, note_attained
 from symmb.equations.model import Box
 from symmb.run.simulation import SceneSimulator
 
@@ -77,8 +77,7 @@ def _constrained(study: Reduced, whole: Bounds) -> Bounds:
     if not ok.any():
         raise PropagationError(f"{method!r}: all runs at extremes failed. {details['failed'][0]}")
     inner = Y[ok].min(axis=0), Y[ok].max(axis=0)
-    depend = isinstance(simulator, SceneSimulator)  # its runs have common steps
-    note_attained(*inner, P, None if depend else Y)
+    note_attained(*inner, P, Y, together=RUNS_TOGETHER if isinstance(simulator, SceneSimulator) else 1)
     missed = np.abs(whole.surrogate.values(extremes[ok]) - Y[ok]).max(axis=0)
     few = (
         f"Only {counted(len(points), 'point')} of many that were tried satisfy the constraints, so the bounds may be "

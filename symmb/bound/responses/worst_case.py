@@ -15,13 +15,11 @@ from symmb._options import shown
 from symmb._table import aligned, at_time, is_timeless, over_times
 from symmb._types import Array, Indices
 from symmb._units import label, number_in, typeset, units_of_parameters, with_units
-from symmb.connect import Attained, Simulator
+from symmb.connect import RUNS_TOGETHER, Attained, Simulator
 from symmb.equations.model import Scene
 from symmb.results.files import NOT_KEPT, Record
 from symmb.run.simulation import SceneSimulator, Trajectory, simulate
 
-_RUNS_TOGETHER = 64
-"""Number of samples of a repeated block: a multiple of the number of samples with common steps."""
 SIDES: tuple[str, str] = ("lower", "upper")
 Place = tuple[str, int, int]
 """A side, the number of a time, and the number of an output."""
@@ -100,8 +98,8 @@ class AttainingRuns:
         if np.isnan(values).all():
             raise SimulationError(f"{self.simulator!r}: the run that attained a bound fails when it is repeated.")
         index = int(np.nanargmin(values) if side == "lower" else np.nanargmax(values))
-        begin = index // _RUNS_TOGETHER * _RUNS_TOGETHER
-        return Sample(float(values[index]), P[begin : begin + _RUNS_TOGETHER], index - begin)
+        begin = index // RUNS_TOGETHER * RUNS_TOGETHER
+        return Sample(float(values[index]), P[begin : begin + RUNS_TOGETHER], index - begin)
 
 
 @dataclass(frozen=True, eq=False)
