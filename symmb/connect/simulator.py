@@ -351,8 +351,8 @@ class Attained:
     def add(self, lower: Array, upper: Array, P: Array, Y: Array | None, at: Indices | None, together: int = 1) -> None:
         """Add values (n_t, n_y) of samples P (n, d).
 
-        With outputs Y (n, n_t, n_y), each group of `together` samples counts as a block. With numbers `at` (2, n_t, n_y)
-        of the samples, each sample does.
+        With outputs Y (n, n_t, n_y), each group of `together` samples counts as a block. With numbers `at`
+        (2, n_t, n_y) of the samples, each sample counts as a block.
         """
         if self.nominal is None and self._nominal_parameters is not None and Y is not None:
             distance = np.abs(P - self._nominal_parameters)

@@ -144,7 +144,7 @@ def test_samples_of_named_outputs_make_no_runs_for_others():
     both, own = bounds.samples(100, LAWS, runs=200), bounds.samples(100, LAWS, outputs=["moving"], runs=40)
     assert own.names == ("moving",)
     np.testing.assert_array_equal(own["moving"], both["moving"])
-    with pytest.raises(mb.DeclarationError, match="no output 'movin'. Did you mean 'moving'"):
+    with pytest.raises(mb.DeclarationError, match=r"no output 'movin'\. Did you mean 'moving'"):
         bounds.samples(100, LAWS, outputs=["movin"])
     with pytest.raises(mb.DeclarationError, match="outputs is empty"):
         bounds.samples(100, LAWS, outputs=[])
