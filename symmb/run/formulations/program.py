@@ -181,9 +181,19 @@ class Program:
                 return kind(form, cast("CardEngine", self.engine()), P, float(self.times[0]), threads)
             if self.is_stateless:
                 return ensemble_of_expressions(form, P, self.times, threads)
-            runs = self.states(P, threads)
-            Y = outputs_along(form.y, runs, P, self.times, threads)
-            return ensemble_of_runs(form, self.times, Y, runs, P)
+            return self._ensemble(self.states(P, threads), P, threads)
+
+    def runs_alone(self, P: Array, threads: int = 1) -> Samples:
+        """The same as `runs`, by the integration of one run. If the run of a scene is already compiled, this integration
+        compiles nothing."""
+        integration, _, outputs = self.single()
+        x0, reasons = self.formulation.start.states(P)
+        runs = zip(integration.run(x0, P, threads), reasons, strict=True)
+        return self._ensemble([replace(run.at(outputs), message=why or run.message) for run, why in runs], P, threads)
+
+    def _ensemble(self, runs: list[Run], P: Array, threads: int) -> Samples:
+        Y = outputs_along(self.formulation.y, runs, P, self.times, threads)
+        return ensemble_of_runs(self.formulation, self.times, Y, runs, P)
 
     def states(self, P: Array, threads: int = 1) -> list[Run]:
         """Runs of samples P (N, d) by an integration. The last run of one sample is kept for other checks of it."""

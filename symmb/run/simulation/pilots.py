@@ -175,7 +175,8 @@ def program_for_studies(scene: Scene, threads: int) -> tuple[Program, str]:
     """The program of a scene with the solver that pilot runs choose for many samples, and the reason."""
 
     def pilot(solver: Solver) -> Pilot:
-        return _pilot_of_samples(program_of(scene, solver).cautious, threads)
+        program = program_of(scene, solver)
+        return _pilot_of_samples(program.cautious, program, threads)
 
     program = program_of(scene, for_studies(False).first)  # raises an error if these solvers cannot run the scene
     p = program.bodies.dae.p_nominal
@@ -200,17 +201,24 @@ def _joined(*reasons: str) -> str:
     return "; ".join(filter(None, reasons))
 
 
-def _pilot_of_samples(program: Program, threads: int) -> Pilot:
-    """The pilot run of a program for many samples: the nominal run, and runs with parameters nearby."""
-    program.prepare()
+def _pilot_of_samples(program: Program, study: Program, threads: int) -> Pilot:
+    """The pilot run of a program for many samples: the nominal run, and runs with parameters nearby.
+
+    If the study runs in other coordinates, the pilot needs no library for samples.
+    """
     p, in_lanes = program.bodies.dae.p_nominal, program.runs_in_lanes
-    ensemble = program.runs(p[None], threads)
+    alone = in_lanes and program.formulation is not study.formulation
+    runs, integration = (program.runs_alone, program.single()[0]) if alone else (program.runs, None)
+    ensemble = runs(p[None], threads)
     message = ensemble.messages[0] if ensemble.messages else ""
-    steps = program.engine().counts.steps if in_lanes else program.integration().statistics().get("steps", 0)
-    operations = program.operations()
+    if in_lanes and integration is None:
+        steps = program.engine().counts.steps
+    else:
+        steps = (integration or program.integration()).statistics().get("steps", 0)
+    operations = program.operations(integration)
     if in_lanes and not message:  # the nominal run may pass a singular position by chance
         shares = np.random.default_rng(0).uniform(-_NEIGHBOUR_DISTANCE, _NEIGHBOUR_DISTANCE, (_NEIGHBOURS, len(p)))
-        ensemble = program.runs(p * (1 + shares), threads)
+        ensemble = runs(p * (1 + shares), threads)
         late = ensemble.t_failed[~ensemble.ok] > program.times[0]  # no solver can start the other samples
         message = next((text for text, k in zip(ensemble.messages, late, strict=True) if k), "")
     return Pilot(message, steps, operations, steps > MANY)
