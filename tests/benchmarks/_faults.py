@@ -92,8 +92,8 @@ FAULTS = (
         "term",
         "libraries of other flags are taken from the cache",
         "symmb/run/codegen/build.py",
-        "key = _key(source, engine, *compiler.command, compiler.version, *compiler.flags)",
-        "key = _key(source, engine, *compiler.command, compiler.version)",
+        "key = _key(source, *shared, *compiler.command, compiler.version, *compiler.flags)",
+        "key = _key(source, *shared, *compiler.command, compiler.version)",
         "codegen",
     ),
     Fault(

@@ -394,7 +394,7 @@ EMPTY = (
 def test_a_compiler_that_fails_at_a_model_gives_way_to_the_next_and_then_to_cvodes(
     folder, compilers, tmp_path, monkeypatch, how
 ):
-    script = f'case "$*" in *model.c*|*engine.c*) {how};; *) exec {shutil.which("cc")} "$@";; esac'
+    script = f'case "$*" in *model.c*|*shared[12].c*) {how};; *) exec {shutil.which("cc")} "$@";; esac'
     compiler = program(tmp_path / "bad", script)
     monkeypatch.setenv("CC", str(compiler))
     if "sleep" in how:
@@ -485,9 +485,9 @@ def test_models_of_other_sizes_share_the_engine(model, folder, monkeypatch):
     for rates in (-p * x, ca.vertcat(x[1:], -p * x[0])):
         f = model_function(x, p, t, rates, x[:2], None)
         Engine(Lanes(f, StepTolerances(1e-8, 1e-8)), np.linspace(0, 1, 3)).values(np.ones((5, 3)), np.ones((5, 1)))
-    assert len(commands) == 2 and not any("engine.c" in command for command in commands)
+    assert len(commands) == 2 and not any("shared2.c" in command for command in commands)
     again = mb.simulate(importlib.import_module(f"models.{model}").scene(), mb.DormandPrince(stabilization=None))
-    assert "engine.c" not in commands[-1] and len([*folder.glob("*.o")]) == 1
+    assert "shared2.c" not in commands[-1] and len([*folder.glob("*.o")]) == 4  # three models and the engine
     assert scene.outputs and all((again[name] == alone[name]).all() for name in scene.outputs)
 
 
@@ -499,8 +499,8 @@ def test_a_damaged_engine_is_compiled_again(folder):
         engine = Engine(Lanes(f, StepTolerances(1e-9, 1e-9)), np.array([0.0, 1.0]))
         Y, _ = engine.values(np.ones((1, 2)), np.ones((1, 1)))
         np.testing.assert_allclose(Y[0, 1], np.exp(-(k + 1.0)), rtol=1e-8)
-        (kept,) = folder.glob("*.o")
-        kept.write_bytes(kept.read_bytes()[:100])
+        for kept in folder.glob("*.o"):
+            kept.write_bytes(kept.read_bytes()[:100])
 
 
 @pytest.mark.parametrize("flag", ["-ffast-math", "-std=c99", "-DWIDTH=4"])

@@ -111,21 +111,21 @@ def with_compiler(work: Callable[[], R], otherwise: Callable[[], R]) -> R:
     return otherwise()
 
 
-def load(source: str, *names: str, engine: str = "") -> ctypes.CDLL:
+def load(source: str, *names: str, shared: tuple[str, ...] = ()) -> ctypes.CDLL:
     """The library of a C source, from the cache or built now.
 
     Parameters
     ----------
     source : str
     *names                 functions and variables that the library must contain: a compiler may leave them out
-    engine : str           a source that many models share. The cache stores its object file
+    shared : tuple of str  further sources, which other libraries contain too. The cache stores their object files
 
     Raises
     ------
     NoCompilerError        if there is no C compiler that can build the source
     UnsafeFolderError      if others can write to the folder for temporary files
     """
-    return _with_next_compiler(lambda compiler: _loaded(source, compiler, *names, engine=engine))
+    return _with_next_compiler(lambda compiler: _loaded(source, compiler, *names, shared=shared))
 
 
 def portable_library(files: Mapping[str, str], sources: Sequence[str]) -> bytes:
@@ -210,15 +210,15 @@ def _give_up(compiler: tuple[str, ...], reason: str) -> None:
 
 
 @functools.cache
-def _loaded(source: str, compiler: "_Compiler", *names: str, engine: str = "") -> ctypes.CDLL:
-    key = _key(source, engine, *compiler.command, compiler.version, *compiler.flags)
+def _loaded(source: str, compiler: "_Compiler", *names: str, shared: tuple[str, ...] = ()) -> ctypes.CDLL:
+    key = _key(source, *shared, *compiler.command, compiler.version, *compiler.flags)
     library_in_cache = _opened(cache.find(key), *names)
     if library_in_cache is not None:
         return library_in_cache
     try:
         with temporary_folder() as folder:
             cache.check_folder(folder, "TMPDIR")
-            library_path = _built(source, folder, compiler, engine)
+            library_path = _built(source, folder, compiler, shared)
             cache.keep(key, library_path.read_bytes())
             # Either folder may forbid the execution of programs. A library in the cache serves other processes too.
             library = _opened(cache.find(key), *names) or _opened(library_path, *names)
@@ -260,31 +260,34 @@ def _has_its_segments(content: bytes) -> bool:
     return all(offset + in_file <= len(content) for _, _, offset, _, _, in_file in segments)
 
 
-def _built(source: str, folder: Path, compiler: "_Compiler", engine: str) -> Path:
-    text, library_path = folder / "model.c", folder / "model.so"
-    text.write_text(source, encoding="utf-8")
+def _built(source: str, folder: Path, compiler: "_Compiler", shared: tuple[str, ...]) -> Path:
+    library_path = folder / "model.so"
     to_library = ["-o", str(library_path), *compiler.flags, "-lm"]
-    seconds = _build_seconds(len(source) + len(engine))
-    if not engine:
-        _compile([*compiler.command, str(text), *to_library], library_path, folder, seconds)
-        return library_path
-    parts = int(found[1]) if (found := re.search(r"^#define N_PARTS (\d+)$", source, re.MULTILINE)) else 1
-    objects = {text.with_suffix(f".{k}.o"): text for k in range(parts)}
-    key, shared = _key(engine, *compiler.command, compiler.version, *compiler.flags), folder / "engine.o"
-    if kept := cache.find(key, ".o"):
-        with suppress(FileNotFoundError):  # another process may have removed it
-            shared.write_bytes(kept.read_bytes())
-    if not shared.exists():
-        objects[shared] = folder / "engine.c"
-        objects[shared].write_text(engine, encoding="utf-8")
-    commands = [
-        [*compiler.command, "-c", f"-DPART={k}", str(path), "-o", str(to), *compiler.flags]
-        for k, (to, path) in enumerate(objects.items())
-    ]
-    last = [*compiler.command, *map(str, {**objects, shared: ""}), *to_library]
+    seconds = _build_seconds(sum(map(len, (source, *shared))))
+    commands, objects, new = list[list[str]](), list[Path](), dict[str, Path]()
+    for number, text in enumerate((source, *shared)):
+        path = folder / (f"shared{number}.c" if number else "model.c")
+        path.write_text(text, encoding="utf-8")
+        if not shared:
+            _compile([*compiler.command, str(path), *to_library], library_path, folder, seconds)
+            return library_path
+        parts = int(found[1]) if (found := re.search(r"^#define N_PARTS (\d+)$", text, re.MULTILINE)) else 1
+        for part in range(parts):
+            objects.append(path.with_suffix(f".{part}.o"))
+            key = _key(text, str(part), *compiler.command, compiler.version, *compiler.flags)
+            if number and (kept := cache.find(key, ".o")):
+                with suppress(FileNotFoundError):  # another process may have removed it
+                    objects[-1].write_bytes(kept.read_bytes())
+                    continue
+            commands.append(
+                [*compiler.command, "-c", f"-DPART={part}", str(path), "-o", str(objects[-1]), *compiler.flags]
+            )
+            if number:
+                new[key] = objects[-1]
+    last = [*compiler.command, *map(str, objects), *to_library]
     _compile(["/bin/sh", "-c", _side_by_side(commands, last)], library_path, folder, seconds)
-    if shared in objects:
-        cache.keep(key, shared.read_bytes(), ".o")
+    for key, path in new.items():
+        cache.keep(key, path.read_bytes(), ".o")
     return library_path
 
 

@@ -77,6 +77,8 @@ class Lanes:
     ends : StepEnds                     ends of steps, for the pair of Dormand and Prince
     contacts : Contacts, optional       contacts, for the same pair; the steps of each sample are then independent
     knots : places of tables of time, for single runs; see `TimeSwitches.linear`
+    power : bool, optional              whether the last state of f, the integral of the power, is integrated. Default:
+                                        there is no such state
     """
 
     f: ca.Function
@@ -85,6 +87,12 @@ class Lanes:
     ends: StepEnds = field(default_factory=StepEnds)
     contacts: Contacts | None = None
     knots: tuple[Array, ...] = ()
+    power: bool | None = None
+
+    @property
+    def n_x(self) -> int:
+        """The number of states that are integrated."""
+        return self.f.numel_in("x") - (self.power is False)
 
 
 _EVENTS = 50
@@ -194,19 +202,20 @@ class Engine:
         self.control, self.ends, self.contacts = lanes.control, lanes.ends, lanes.contacts
         self._room = _EVENTS if lanes.contacts else 0
         self.starts = "start" in f.name_out()
-        self.n_x, self.n_y = f.numel_in("x"), f.numel_out("outputs")
+        self.n_x, self.n_y = lanes.n_x, f.numel_out("outputs")
         self.times = np.ascontiguousarray(times, dtype=float)
         self.newton = scheme.newton if scheme else 0.0
         self.counts, self.most_steps = Counts(), MOST_STEPS
         self.operations = f.n_instructions() * (1 if scheme else _STAGES)
         tableau = CLASSICAL if isinstance(lanes.control, FixedStep) else None
-        self._source = source_of(f, scheme or tableau, lanes.ends.hysteresis, lanes.contacts, self.use)
+        self._source = source_of(f, scheme or tableau, lanes.ends.hysteresis, lanes.contacts, self.use, lanes.power)
         self._numbers = np.array(self._source.numbers)
         self._pieces = {entry.pieces.name: entry.pieces.data for entry in instructions(f).entries() if entry}
         self._open()
 
     def _open(self) -> None:
-        self._library = load(self._source.model, "width", "work", engine=self._source.engine)
+        shared = self._source.equations, self._source.engine
+        self._library = load(self._source.task, "width", "work", shared=shared)
         for name, data in self._pieces.items():
             kept = _DATA.setdefault(name, data)
             ctypes.c_void_p.in_dll(self._library, name).value = kept.ctypes.data

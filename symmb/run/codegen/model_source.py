@@ -71,7 +71,7 @@ def model_function(
     times : SX                          values at time 0 and slopes of linear switches of time, for single runs
     contacts : mapping                  the functions of c/impacts.h
     """
-    parts, box = {"rates": rates, "outputs": outputs, **(contacts or {})}, ca.SX(0, 1)
+    parts, box = {"rates": rates, **(contacts or {})}, ca.SX(0, 1)
     if switches is not None and switches.numel():
         parts["switches"] = switches
         box, parts["bounds"] = symbolic.ranges_along(
@@ -81,7 +81,7 @@ def model_function(
         parts["project"] = projected
     if times is not None:
         parts["time_switches"] = times
-    return _function(parts, x, p, t, box, start)
+    return _function(parts | {"outputs": outputs}, x, p, t, box, start)
 
 
 def scheme_function(
@@ -108,9 +108,10 @@ def scheme_function(
     def whole(state: ca.SX) -> ca.SX:
         return ca.vertcat(state, x[state.numel() :])
 
-    parts = {"history": history, "guess": guess, "correct": correct, "follow": follow, "outputs": outputs}
+    parts = {"history": history, "guess": guess, "correct": correct, "follow": follow}
     if projected is not None:
         parts["project"] = whole(projected)
+    parts["outputs"] = outputs
     if start is not None:  # the step length and the unknowns are not known yet: they begin as 0
         start = (*start[:2], ca.vertcat(start[2], ca.SX(x.numel() - start[2].numel(), 1)))
     return _function(parts, x, p, t, ca.SX(0, 1), start)
@@ -130,20 +131,24 @@ def _function(
 
 
 class Source(NamedTuple):
-    """The C source of an ensemble: the functions and data of a model, and the engine, which may be compiled alone.
+    """The C source of an ensemble, which can be compiled in three parts. Text after text, they are one source.
 
-    The engine depends on few sizes of the model, so that many models share it. Text after text, both are one source.
-    Lanes receive the numbers of the equations as data, so that models with other numbers share a library.
+    The equations of motion are the same for one run and for a study. Outputs, the start, and the sizes and lists of a
+    task are its own. The engine depends on few sizes of the model, so that many models share it. Lanes receive the
+    numbers of the equations as data, so that models with other numbers share a library. In one source, `sizes` come
+    first.
     """
 
-    model: str
+    sizes: str
+    equations: str
+    task: str
     engine: str
     numbers: tuple[float, ...] = ()
 
     @property
     def text(self) -> str:
         """One source."""
-        return self.model + self.engine
+        return self.sizes + self.equations + self.task + self.engine
 
 
 def source_of(
@@ -152,6 +157,7 @@ def source_of(
     hysteresis: Sequence[float] = (),
     contacts: Contacts | None = None,
     use: Use = "lanes",
+    power: bool | None = None,
 ) -> Source:
     """The C source of an ensemble of f. The source of a large model is cached, because its generation takes seconds.
 
@@ -162,19 +168,21 @@ def source_of(
     hysteresis : (m,)          distance by which the value of each switch must pass 0, larger than its rounding error
     contacts : Contacts        contacts and joints; their gaps and margins are the last switches
     use                        "lanes": c/ensemble.h; "run": single runs of one lane by c/one_run.h; "card": c/kernel.h
+    power                      whether the last state, which is the integral of the power, is integrated; None if there
+                               is no such state
     """
 
-    write = functools.partial(_ensemble_source, f, scheme, hysteresis, contacts, use)
+    write = functools.partial(_ensemble_source, f, scheme, hysteresis, contacts, use, power)
     if f.n_instructions() < LARGE_MODEL:
         return write()
-    described = f"{f} {(scheme, hysteresis, contacts, use)!r} {_generator()}".encode()
+    described = f"{f} {(scheme, hysteresis, contacts, use, power)!r} {_generator()}".encode()
     key = hashlib.sha256(described + instructions(f).identity()).hexdigest()[:32]
     path = cache.find(key, ".c")
     if path is not None:
-        model, engine, numbers = path.read_text(encoding="utf-8").split("\f")
-        return Source(model, engine, tuple(map(float, numbers.split())))
+        first, equations, task, engine, numbers = path.read_text(encoding="utf-8").split("\f")
+        return Source(first, equations, task, engine, tuple(map(float, numbers.split())))
     source = write()
-    cache.keep(key, "\f".join([*source[:2], " ".join(map(repr, source.numbers))]).encode(), ".c")
+    cache.keep(key, "\f".join([*source[:4], " ".join(map(repr, source.numbers))]).encode(), ".c")
     return source
 
 
@@ -186,23 +194,23 @@ def _generator() -> str:
 
 
 def _explicit_steps(
-    graph: Graph, nodes: dict[str, list[int]], tableau: Tableau | None, hysteresis: Sequence[float]
+    graph: Graph, nodes: dict[str, list[int]], tableau: Tableau | None, hysteresis: Sequence[float], idle: int
 ) -> tuple[list[int], dict[str, float], list[str]]:
     """Places of the states, sizes, and C code of the steps of an explicit method. `nodes` is reordered in place."""
     order, n_own = _state_order(graph, nodes["rates"])
-    place = [order.index(i) for i in range(len(order))]
-    nodes["rates"] = [nodes["rates"][i] for i in order[:n_own]]
+    place, n_integrals = [order.index(i) for i in range(len(order))], len(order) - n_own
+    nodes["rates"] = [nodes["rates"][i] for i in order[n_integrals:]]
     for name in nodes.keys() & {"project", "start", "held"}:
-        nodes[name] = [nodes[name][i] for i in order]
+        nodes[name] = [nodes[name][i] for i in order if i < len(nodes[name])]
     if hysteresis:  # two functions, because most evaluations of switches need no rates
         both, m = nodes["switches"], len(hysteresis)
         nodes |= {"switches": both[:m], "changes": both[m:]}
-    integrals = n_own < len(order)
+    integrals = n_integrals > 0
     if tableau:
         n_k, steps = len(tableau.A), [explicit_stages(tableau, integrals), c_source("fixed_step")]
     else:
         n_k, steps = PAIR_STAGES, [pair(integrals), c_source("embedded_pair")]
-    return place, {"N_OWN": n_own, "N_K": n_k * n_own}, steps
+    return place, {"N_OWN": n_own - idle, "N_K": n_k * (n_own - idle)}, steps
 
 
 def _scheme_sizes(nodes: Mapping[str, list[int]], scheme: Scheme) -> dict[str, float]:
@@ -220,34 +228,31 @@ def _scheme_sizes(nodes: Mapping[str, list[int]], scheme: Scheme) -> dict[str, f
 
 
 def _ensemble_source(
-    f: ca.Function, scheme: Scheme | Tableau | None, hysteresis: Sequence[float], contacts: Contacts | None, use: Use
+    f: ca.Function,
+    scheme: Scheme | Tableau | None,
+    hysteresis: Sequence[float],
+    contacts: Contacts | None,
+    use: Use,
+    power: bool | None,
 ) -> Source:
     """The C source of an ensemble: functions of the model, which compute nodes of a graph, and files for the steps."""
-    graph = graph_of(f)
+    graph, idle = graph_of(f), int(power is False)
     nodes = dict(zip(f.name_out(), graph.outputs, strict=True))
     if isinstance(scheme, Scheme):
         place, own_sizes, steps = list(range(f.numel_in(0))), _scheme_sizes(nodes, scheme), [c_source("implicit_step")]
     else:
-        place, own_sizes, steps = _explicit_steps(graph, nodes, scheme, hysteresis)
+        place, own_sizes, steps = _explicit_steps(graph, nodes, scheme, hysteresis, idle)
     is_started = "start" in nodes
     for name in ("newton", "start"):
         nodes.setdefault(name, [])
-    emitter = Emitter(graph, place, numbers_as_data=use == "lanes")
-    parts, functions, n_c = emitter.source(nodes)
-    lists = _state_lists(graph, nodes, place, bool(hysteresis) or use == "run")
-    sizes_of_model = {
-        "N_P": f.numel_in(1),
-        "N_C": n_c,
-        "N_CONSTANTS": len(emitter.numbers),
-        "N_CARRIED": emitter.n_carried,
-        "N_Y": len(nodes["outputs"]),
-        "N_USED": len(lists["used"]),
-        "STARTED": int(is_started),
-        "N_U": len(nodes["newton"]),
-        "N_X": len(place),
-        "N_RANGED": len(lists["ranged"]),
-        **own_sizes,
-    }
+    of_task = {name: nodes.pop(name) for name in ("outputs", "newton", "start")}
+    is_data, n_x = use == "lanes", len(place) - idle
+    equations = Emitter(graph, place, is_data, guarded=() if power is None else ("rates", "project"))
+    of_equations = equations.source(nodes, "prepare_equations")
+    task = Emitter(graph, place, is_data, before=equations)
+    of_both = of_equations, task.source(of_task, "prepare")
+    lists = _state_lists(graph, nodes | of_task, place, n_x, bool(hysteresis) or use == "run")
+    numbers = {"hysteresis": list(hysteresis)}
     sizes = {
         "PROJECTED": int("project" in nodes),
         "N_S": len(hysteresis),
@@ -256,40 +261,66 @@ def _ensemble_source(
         "N_E": 0,
         **({"WIDTH": 1} if use != "lanes" else {}),
     }
-    numbers = {"hysteresis": list(hysteresis)}
     if contacts is not None:
         sizes |= _sizes_of(contacts)
-        sizes_of_model["N_WORK"] = int(contacts.with_work)
+        own_sizes["N_WORK"] = int(contacts.with_work)
         lists |= {"contact_state": contacts.closed, **contacts.joints}
         numbers |= {"displacement": list(contacts.displacements), "scales": [contacts.length, contacts.energy]}
-    data = [*emitter.numbers, *(value for values in numbers.values() for value in values)] if use == "lanes" else []
-    sizes_of_model["N_NUMBERS"] = len(data)
+    others = [value for values in numbers.values() for value in values] if is_data else []
+    data = {**equations.numbers, **task.numbers, **dict(enumerate(others, task.end))}
+    lists["number_place"] = list(data)
+    sizes_of_model = {
+        "N_P": f.numel_in(1),
+        "N_C": task.end,
+        "N_OTHER": len(others),
+        "N_NUMBERS": len(data),
+        "N_CARRIED": max(equations.n_carried, task.n_carried),
+        "N_Y": len(of_task["outputs"]),
+        "N_USED": len(lists["used"]),
+        "STARTED": int(is_started),
+        "N_U": len(of_task["newton"]),
+        "N_X": n_x,
+        "N_BOX": len(place),
+        "N_RANGED": len(lists["ranged"]),
+        **own_sizes,
+    }
+    of_run = {"WORK": task.end + len(others), "POWER": int(bool(power))}
+    known = {f"{name.lower()}_of_model": value for name, value in sizes_of_model.items()}
+    run = {f"{name.lower()}_of_run": value for name, value in of_run.items()}
     scalar, ends = {"lanes": ([], ["ensemble"]), "run": ([], []), "card": (["scalar"], ["kernel"])}[use]
     before = ["#define APART"] if use == "lanes" else []
     before += [*_defined(sizes), f"enum {{ {', '.join(FailureCode.__members__)} }};", c_source(*scalar, "lanes")]
-    model = (
-        _defined({"N_PARTS": len(parts), "LARGE": int(len(graph.operations) > LARGE_MODEL), **sizes_of_model}) + before
-    )
-    # Lanes share the data of pieces with Python. Other programs do not have these data.
-    model += [f"extern const double *{n};" if use == "lanes" else _data(n, p) for n, p in graph.pieces.items()]
-    model += [f"{_only_in(k)}\n{part}\n#endif" for k, part in enumerate(parts)]
-    # The engine finds sizes, lists and functions of the model in the object file of the first part.
-    known = {f"{name.lower()}_of_model": value for name, value in sizes_of_model.items()}
-    model += [_only_in(0), "#ifdef PART"]
-    model += [f"DATA const {_kind(value)} {name} = {value!r};" for name, value in known.items()]
-    model += ["#endif", *(_constants("int", name, v or [0]) for name, v in lists.items())]
-    if use == "lanes":
-        model += [f"const double *{name}; /* set when the library is opened */" for name in graph.pieces]
+    # The engine finds sizes and lists in the object file of the first part of the task.
+    constants = [f"DATA const {_kind(value)} {name} = {value!r};" for name, value in {**known, **run}.items()]
+    constants = ["#ifdef PART", *constants, "#endif"]
+    constants += [_constants("int", name, v or [0]) for name, v in lists.items()]
+    if use == "lanes":  # lanes share the data of pieces with Python. Other programs do not have these data
+        pieces = [f"extern const double *{name};" for name in graph.pieces]
+        constants += [f"const double *{name}; /* set when the library is opened */" for name in graph.pieces]
     else:
-        model += [_constants("double", name, v or [0.0]) for name, v in numbers.items()]
-    model += [functions, "#endif\n"]
+        pieces = [_data(name, own) for name, own in graph.pieces.items()]
+        constants += [_constants("double", name, v or [0.0]) for name, v in numbers.items()]
+    run_names = [f"extern MODEL const int {name};" for name in run] + _defined(dict(zip(of_run, run, strict=True)))
+    head, declared = [*before, *run_names, *pieces], "MODEL void prepare_equations(const V *restrict, V *);"
+    texts = [_part(equations, of_both[0], head, []), _part(task, of_both[1], [*head, declared], constants)]
+    is_large = any(large for _, _, large in of_both)
+    first = [*_defined({"LARGE": int(is_large), **sizes_of_model, **of_run}), *before, *pieces, ""]
     engine = ["#ifdef PART", *_defined(dict(zip(sizes_of_model, known, strict=True))), *before]
     engine += [f"extern MODEL const {_kind(value)} {name};" for name, value in known.items()]
     engine += [f"extern MODEL const int {name}[];" for name in sorted(lists)]
-    engine += [f"MODEL void {name}(const V *restrict, V *, V, V *restrict);" for name in sorted(nodes)]
+    engine += [f"MODEL void {name}(const V *restrict, V *, V, V *restrict);" for name in sorted(nodes | of_task)]
     engine += ["MODEL void prepare(const V *restrict, V *);", "#endif"]
     engine += [c_source("block", "projection", "switches", "impacts"), *steps, c_source("begin", *ends)]
-    return Source("\n".join(model), "\n".join(engine) + "\n", tuple(data))
+    return Source("\n".join(first), texts[0], texts[1], "\n".join(engine) + "\n", tuple(data.values()))
+
+
+def _part(emitter: Emitter, code: tuple[list[str], str, bool], head: Sequence[str], own: Sequence[str]) -> str:
+    """The text of equations or of a task: a head for its own object file, the code of its emitter, and own data."""
+    parts, functions, is_large = code
+    text = ["#ifdef PART", *_defined({"N_PARTS": len(parts), "LARGE": int(is_large)}), *head, "#endif"]
+    text += ["#undef NUMBERS", f"#define NUMBERS {emitter.numbers_at}"]
+    text += [f"{_only_in(k)}\n{part}\n#endif" for k, part in enumerate(parts)]
+    return "\n".join([*text, _only_in(0), *own, functions, "#endif\n"])
 
 
 def _kind(number: float) -> str:
@@ -301,15 +332,16 @@ def _defined(sizes: Mapping[str, object]) -> list[str]:
 
 
 def _state_lists(
-    graph: Graph, nodes: Mapping[str, list[int]], place: list[int], ends_anywhere: bool
+    graph: Graph, nodes: Mapping[str, list[int]], place: list[int], n_x: int, ends_anywhere: bool
 ) -> dict[str, Sequence[int]]:
     """Places of all states, of the states that are interpolated, and of the states on which bounds depend."""
-    explicit, n_x = "rates" in nodes, len(place)
+    explicit = "rates" in nodes
     # Outputs need only a few states. If steps can end anywhere, all states are interpolated.
     of_outputs = range(n_x) if ends_anywhere else sorted(place[i] for i in graph.inputs(nodes["outputs"], 0))
     used = list(of_outputs) if explicit else []
     box = graph.inputs(nodes.get("bounds", ()), BOX)
-    return {"place": place, "used": used, "ranged": sorted({i % n_x for i in box if i < 4 * n_x})}
+    n_box = len(place)
+    return {"place": place[:n_x], "used": used, "ranged": sorted({i % n_box for i in box if i < 4 * n_box})}
 
 
 def _sizes_of(contacts: Contacts) -> dict[str, float]:
@@ -353,4 +385,4 @@ def _state_order(graph: Graph, rates: list[int]) -> tuple[list[int], int]:
             integral[index] = i
     integral = {v: x for v, x in integral.items() if v not in integral.values()}
     own = [*integral, *(i for i in range(len(rates)) if i not in integral and i not in integral.values())]
-    return [*own, *integral.values()], len(own)
+    return [*integral.values(), *own], len(own)

@@ -80,12 +80,12 @@ def scene_source(scene: SceneSource) -> dict[str, str]:
     knots, n_knots = np.concatenate([np.empty(0), *lanes.knots]), [len(places) for places in lanes.knots]
     n_knots = [0] * (int(numbers["N_TIMES"]) - len(n_knots)) + n_knots
     numbers["STOPS_AT_MOST"] = len(scene.stops) + len(knots) + n_knots.count(0)
-    atol = control.absolute(lanes.f.numel_in("x"))
+    atol = control.absolute(lanes.n_x)
     # A program does not know the names of contacts.
     reasons = (reason.replace("Impact {}", "an impact").replace("of {}", "of the scene") for reason in REASONS)
     faults = ["the start could not be computed", *(reason.replace(" {}", "") for reason in reasons)]
     source = [
-        source_of(lanes.f, lanes.scheme, lanes.ends.hysteresis, lanes.contacts, use="run").text,
+        source_of(lanes.f, lanes.scheme, lanes.ends.hysteresis, lanes.contacts, "run", lanes.power).text,
         '#include "scene.h"',
         *(f"#define {name} {value!r}" for name, value in numbers.items()),
         f"PRIVATE const double absolute[] = {_list(atol)}, stops[] = {_list(scene.stops)}, knots[] = {_list(knots)};",

@@ -1,10 +1,10 @@
 """C code of the sums over slopes in a step, from the tableau of the method.
 
-Slopes k are stored for the first N_OWN states v. The last N_X - N_OWN states x are the integrals of the first states v,
-x' = v, and are mostly positions. The slope of x in stage s is the v of this stage, v + h sum_j a_sj k_j. Therefore x is
-a sum of the slopes of v with the weights A A, as in Nystrom's methods for second-order equations (Hairer, Norsett,
-Wanner 1993, section II.14). Only half of all slopes are computed, stored and loaded. If N_OWN is N_X, the code for
-states x is left out, because compilers would need time to read it.
+Slopes k are stored for the last N_OWN states v. The first N_INTEGRALS = N_X - N_OWN states x are the integrals of the
+first states v, x' = v, and are mostly positions. The slope of x in stage s is the v of this stage,
+v + h sum_j a_sj k_j. Therefore x is a sum of the slopes of v with the weights A A, as in Nystrom's methods for
+second-order equations (Hairer, Norsett, Wanner 1993, section II.14). Only half of all slopes are computed, stored and
+loaded. If N_INTEGRALS is 0, the code for states x is left out, because compilers would need time to read it.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -17,7 +17,7 @@ Weights = Mapping[int, float]
 def explicit_stages(tableau: Tableau, integrals: bool) -> str:
     """C code of the stages of an explicit Runge-Kutta method. The method has at most 12 stages, see `_place`.
 
-    `integrals`: whether N_OWN is less than N_X.
+    `integrals`: whether N_INTEGRALS is above 0.
     """
     return "\n".join(_stages(range(1, len(tableau.A)), tableau.A, tableau.C, tableau.B, integrals))
 
@@ -25,7 +25,7 @@ def explicit_stages(tableau: Tableau, integrals: bool) -> str:
 def pair(integrals: bool) -> str:
     """C code of the stages, error estimates and interpolant of the pair of Dormand and Prince.
 
-    `integrals`: whether N_OWN is less than N_X.
+    `integrals`: whether N_INTEGRALS is above 0.
     """
     A, C = dop853.A, dop853.C
     of_order_3, of_order_5 = dop853.E
@@ -40,14 +40,14 @@ def pair(integrals: bool) -> str:
             "  const V *k = a->k;",
             *_only_if(not integrals, "  (void)h;"),
             "  for (int m = 0; m < N_OWN; ++m) {",
-            f"    e5[m] = {_sum(of_order_5)};",
-            f"    e3[m] = {_sum(of_order_3)};",
+            f"    e5[N_INTEGRALS + m] = {_sum(of_order_5)};",
+            f"    e3[N_INTEGRALS + m] = {_sum(of_order_3)};",
             "  }",
             *_only_if(
                 integrals,
-                "  for (int m = 0; m < N_X - N_OWN; ++m) {",
-                f"    e5[N_OWN + m] = h * ({_sum(_through(of_order_5, A))});",
-                f"    e3[N_OWN + m] = h * ({_sum(_through(of_order_3, A))});",
+                "  for (int m = 0; m < N_INTEGRALS; ++m) {",
+                f"    e5[m] = h * ({_sum(_through(of_order_5, A))});",
+                f"    e3[m] = h * ({_sum(_through(of_order_3, A))});",
                 "  }",
             ),
             "}",
@@ -57,7 +57,7 @@ def pair(integrals: bool) -> str:
             "  EACH_PART(b) {",
             "    const V *k = a->k;",
             "    for (int u = 0; u < N_USED; ++u) {",
-            "      const int i = used[u], own = i < N_OWN, m = own ? i : i - N_OWN;",
+            "      const int i = used[u], own = i >= N_INTEGRALS, m = own ? i - N_INTEGRALS : i;",
             "      V *f = a->F + 7 * u, d = a->x_new[i] - a->x[i];",
             "      const V first = slope(a->x, k, i), last = slope(a->x_new, k + END * N_OWN, i);",
             "      f[0] = d;",
@@ -109,13 +109,14 @@ def _advance(to: str, weights: Weights, fraction: float, A: Sequence[Weights], i
     return [
         *_only_if(
             integrals,
-            "for (int m = 0; m < N_X - N_OWN; ++m) {",
+            "for (int m = 0; m < N_INTEGRALS; ++m) {",
             f"  const V once = {_sum(weights)}, twice = {_sum(_through(weights, A))};",
-            f"  a->{to}[N_OWN + m] = a->x[N_OWN + m] + {fraction!r} * h * a->x[m] + h * h * twice;",
-            f"  a->{to}[m] = a->x[m] + h * once;",
+            f"  a->{to}[m] = a->x[m] + {fraction!r} * h * a->x[N_INTEGRALS + m] + h * h * twice;",
+            f"  a->{to}[N_INTEGRALS + m] = a->x[N_INTEGRALS + m] + h * once;",
             "}",
         ),
-        f"for (int m = N_X - N_OWN; m < N_OWN; ++m) a->{to}[m] = a->x[m] + h * ({_sum(weights)});",
+        "for (int i = 2 * N_INTEGRALS, m = N_INTEGRALS; i < N_X; ++i, ++m)",
+        f"  a->{to}[i] = a->x[i] + h * ({_sum(weights)});",
     ]
 
 

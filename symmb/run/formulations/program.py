@@ -184,8 +184,10 @@ class Program:
             return self._ensemble(self.states(P, threads), P, threads)
 
     def runs_alone(self, P: Array, threads: int = 1) -> Samples:
-        """The same as `runs`, by the integration of one run. If the run of a scene is already compiled, this integration
-        compiles nothing."""
+        """The same as `runs`, by the integration of one run.
+
+        If the run of a scene is already compiled, this integration compiles nothing.
+        """
         integration, _, outputs = self.single()
         x0, reasons = self.formulation.start.states(P)
         runs = zip(integration.run(x0, P, threads), reasons, strict=True)

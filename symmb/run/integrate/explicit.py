@@ -58,8 +58,15 @@ class Explicit(CompiledSolver):
 
     def lanes(self, task: Task) -> Lanes:
         dae, times, y, order, work, start, alone = task
+        # One run integrates the power, and a study does not. Both have the same equations, which are compiled once.
+        has_power = dae.power is not None and dae.impacts is None and not order and not alone
         problem = build_problem(
-            dae, self.stabilization, algebraic=False, work=work, one_step=True, projections=self.projection_steps
+            dae,
+            self.stabilization,
+            algebraic=False,
+            work=work or has_power,
+            one_step=True,
+            projections=self.projection_steps,
         ).jets(order)
         of_time = stops_in_time(dae, times) if alone else None
         linear = None if of_time is None else of_time.switches.linear
@@ -72,7 +79,7 @@ class Explicit(CompiledSolver):
         own, problem = problem.p, frozen.problem
         # At the time of an event, outputs have their values after the event.
         outputs = y(problem.x if contacts is None else cast(ca.SX, problem.projected), own, problem.t)
-        control = self.limited_control(dae, times, order, problem.quad.numel())
+        control = self.limited_control(dae, times, order, problem.quad.numel() if work else 0)
         n_x = problem.x.numel()
         x = ca.SX.sym("x", n_x + problem.quad.numel())  # an integral along the motion is a state like the others
         p = problem.p[: len(dae.p_names)]  # without the sides of switches
@@ -85,7 +92,7 @@ class Explicit(CompiledSolver):
             problem.p,
             problem.t,
             ca.vertcat(at(problem.ode), at(problem.quad)),
-            ca.vertcat(at(outputs), x[n_x:, :]),
+            ca.vertcat(at(outputs), x[n_x:, :]) if work else at(outputs),
             None if problem.projected is None else ca.vertcat(at(problem.projected), x[n_x:, :]),
             _compiled_start(start, dae, p, float(np.ptp(times)), alone),
             at(frozen.switches),
@@ -93,7 +100,8 @@ class Explicit(CompiledSolver):
             None if frozen.ranged is None else at(frozen.ranged),
             ca.vertcat(*linear[0](p)) if linear else None,
         )
-        return Lanes(f, control, ends=frozen.ends, contacts=contacts, knots=tuple(linear[1]) if linear else ())
+        knots = tuple(linear[1]) if linear else ()
+        return Lanes(f, control, None, frozen.ends, contacts, knots, power=work if has_power else None)
 
     def _switched(self, problem: InitialValueProblem, task: Task, of_time: bool) -> SwitchedProblem:
         """The problem with the switches at which steps end. Fixed steps do not end at switches. Steps of Taylor

@@ -42,7 +42,7 @@ static int place_samples(Block *b, Study *s) {
       for (int j = N_P - N_S; j < N_P; ++j) a->p[j][l] = 1.0;
       for (int j = 0; j < N_X && !STARTED; ++j) a->x[place[j]][l] = s->x0[i * N_X + j];
     }
-    for (int j = 0; j < N_NUMBERS; ++j) a->c[N_C + j] = each(s->numbers[j]);
+    for (int j = 0; j < N_NUMBERS; ++j) a->c[number_place[j]] = each(s->numbers[j]);
     prepare(a->p, a->c);
     if (STARTED) assemble(a, each(b->t));
     for (int j = 0; j < N_X; ++j) sum += a->x[j] * 0.0;

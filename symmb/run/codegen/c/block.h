@@ -14,6 +14,7 @@
 
 #define CHUNK (N_X > 512 ? 1 : N_X > 64 ? 4 : 16) /* output times at once; the states at these times fit into a cache */
 #define SIZE(n) ((n) > 0 ? (n) : 1)
+#define N_INTEGRALS (N_X - N_OWN) /* the first states, which are integrals of the next states; see the generator of stages */
 
 /* A study of n samples at n_t times. p (n, N_P) and, unless STARTED, x0 (n, N_X) have a row for each sample. */
 typedef struct {
@@ -51,12 +52,12 @@ typedef struct {
   ARRAY(x_at, CHUNK * SIZE(N_X))                    /* states at some times */ \
   ARRAY(atol, SIZE(N_X))                            /* from the largest value of each state so far */ \
   ARRAY(F, 7 * SIZE(N_USED)) \
-  ARRAY(box, N_S > 0 ? 4 * N_X + 3 : 1)             /* of a part of a step, and four lists of states; see switches.h */ \
+  ARRAY(box, N_S > 0 ? 4 * N_BOX + 3 : 1)           /* of a part of a step, and four lists of states; see switches.h */ \
   ARRAY(x_low, SIZE(N_RANGED)) \
   ARRAY(dx_low, SIZE(N_RANGED)) \
   ARRAY(x_end, SIZE(N_RANGED)) \
   ARRAY(dx_end, SIZE(N_RANGED)) \
-  ARRAY(c, SIZE(N_C + N_NUMBERS + N_CARRIED)) /* values of parameters, numbers, then space for the model's functions */ \
+  ARRAY(c, SIZE(N_C + N_OTHER + N_CARRIED))   /* values and numbers of the model, numbers of the engine, space for functions */ \
   ARRAY(y, CHUNK * SIZE(N_Y))                       /* outputs at some times */ \
   ARRAY(p, SIZE(N_P))                               /* parameters */ \
   ARRAY(scratch, 2 * (N_X > N_U ? SIZE(N_X) : N_U)) /* errors of a step, or unknowns at the start */
@@ -109,7 +110,7 @@ typedef struct {
 #define EACH_PART(b) for (Part *a = (b)->part; a < (b)->part + PARTS; ++a)
 
 /* The slope of state i, from x and the stored slopes k. The slope of a position is a velocity, which x already contains. */
-PRIVATE inline V slope(const V *x, const V *k, int i) { return N_OWN == N_X || i < N_OWN ? k[i] : x[i - N_OWN]; }
+PRIVATE inline V slope(const V *x, const V *k, int i) { return i < N_INTEGRALS ? x[N_INTEGRALS + i] : k[i - N_INTEGRALS]; }
 
 /* The time t of a stage, moved between the switches of time before and after the step. A stage at the end of a step is at a
    switch, or after it because of rounding. After the switch, the rates would have the other branch, and the step would contain

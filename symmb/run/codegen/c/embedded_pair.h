@@ -203,12 +203,16 @@ PRIVATE void restart(Block *b, const Study *s) {
   b->h = first_step(b, s);
 }
 
+#define HARDLY_EARLY 0.9 /* fraction of a shortened step. Earlier passes are those of a motion that sticks to a switch: if they were
+                            accepted, stick-slip would take 12 times as many steps */
 #define MOST_MISSES 6 /* number of shortened steps in a row that miss their passes. In bristle friction, five do */
 
 /* Whether a shorter step replaces a step that passes a switch at its fraction z. Steps close to the shortest step are not
    replaced, because their length is hardly more than the rounding of times. */
 PRIVATE int is_early(const Block *b, double z, double shortest) {
-  return z < LATE && !b->grazes && z * b->h > 10.0 * shortest;
+  /* A switch that falls by less than its rounding until the end of a shortened step is passed there as exactly as in a shorter
+     step, which might miss the pass. */
+  return z < (b->shortened && b->grazes ? HARDLY_EARLY : LATE) && z * b->h > 10.0 * shortest;
 }
 
 /* Begins the run at the first time. Returns 0 if samples failed. */

@@ -1,16 +1,17 @@
 /* An example of the model that the generator writes before the other files: a harmonic oscillator.
 
    x' = v, v' = -omega^2 x, with the parameter omega and the output x. Each file of this folder can be compiled with this model
-   alone. The functions receive the values c of a part. prepare() computes N_C values of c from the parameters. After these
-   there is space for values of the functions. */
+   alone. The functions receive the values c of a part. The first N_C of them are values that prepare() computes from the
+   parameters, and numbers of the equations. N_OTHER numbers of the engine follow, then space for values of the functions. */
 #ifndef MODEL_H
 #define MODEL_H
 
 #include "lanes.h"
 
 #define N_P 1       /* parameters */
-#define N_C 1       /* values that depend on parameters alone */
-#define N_NUMBERS 0 /* numbers of the equations that the engine copies behind these values */
+#define N_C 1       /* values that depend on parameters alone, and numbers of the equations */
+#define N_OTHER 0   /* numbers of the engine behind them */
+#define N_NUMBERS 0 /* numbers of both kinds, which the engine copies to their places in c */
 #define N_CARRIED 0 /* values that pieces of a function pass to later pieces */
 #define N_Y 1       /* outputs */
 #define N_USED 1    /* states that outputs need */
@@ -31,7 +32,8 @@ MODEL void start(const V *x, V *c, V t, V *out) { (void)x, (void)c, (void)t, (vo
 #ifndef IMPLICIT_STEP_H
 
 #define N_X 2
-#define N_OWN 2     /* the first states, with own slopes; the other states are integrals of the first states */
+#define N_BOX 2     /* states of the model's functions of a box. Runs need not integrate the last one */
+#define N_OWN 2     /* the last states, with own slopes; the other states are integrals of these states */
 #define N_K (3 * N_OWN)
 
 MODEL void rates(const V *x, V *c, V t, V *out) {
@@ -49,6 +51,7 @@ MODEL void rates(const V *x, V *c, V t, V *out) {
 #define N_TESTED 2
 #define N_ERRORS 0
 #define N_X (N_W + 1 + N_Z)
+#define N_BOX N_X
 #define N_OWN 0
 #define N_K 4
 #define ORDER 1
@@ -79,5 +82,6 @@ MODEL void outputs(const V *x, V *c, V t, V *out) {
 
 DATA const int place[] = {0, 1, 2, 3, 4}; /* place in x of each state of the model */
 DATA const int used[] = {0};              /* the states that outputs need */
+DATA const int number_place[] = {0};      /* places in c of the numbers */
 
 #endif

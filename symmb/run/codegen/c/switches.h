@@ -60,7 +60,7 @@ PRIVATE int find_stop(Block *b, const Study *s) {
                                distance from the cubic with its values and slopes at both ends */
 #define ROUNDED 1.7763568394002505e-15 /* fraction of lengths, 2^-49, below which a gap is 0: eight rounding errors */
 #ifdef APART /* lanes receive these numbers behind those of the equations */
-#define OTHER_NUMBER(a, k) ((a)->c[N_C + N_CONSTANTS + (k)][0])
+#define OTHER_NUMBER(a, k) ((a)->c[N_C + (k)][0])
 #define HYSTERESIS(a, k) OTHER_NUMBER(a, k)
 #define DISPLACEMENT(a, k) OTHER_NUMBER(a, N_S + (k))
 #define LENGTH_OF(a) OTHER_NUMBER(a, N_S + N_V)
@@ -161,9 +161,9 @@ PRIVATE void bound_state(Part *a, int row, double share, V x, V dx, V x_end, V d
   const V slope_off = SLOPE_OFF * off;
   V *box = a->box + row;
   box[0] = v_smaller(x, x_end) + v_smaller(zero(), v_smaller(from, to)) - off;
-  box[N_X] = v_larger(x, x_end) + v_larger(zero(), v_larger(from, to)) + off;
-  box[2 * N_X] = v_smaller(first, last) + v_smaller(zero(), bend) - slope_off;
-  box[3 * N_X] = v_larger(first, last) + v_larger(zero(), bend) + slope_off;
+  box[N_BOX] = v_larger(x, x_end) + v_larger(zero(), v_larger(from, to)) + off;
+  box[2 * N_BOX] = v_smaller(first, last) + v_smaller(zero(), bend) - slope_off;
+  box[3 * N_BOX] = v_larger(first, last) + v_larger(zero(), bend) + slope_off;
 }
 
 /* Whether switch k is the gap of a contact. */
@@ -182,7 +182,7 @@ PRIVATE int is_by_force(int k) {
    monotone, and may fall below 0 by more than rounding and rise again. Ranges of the switches and of their rates over the box
    decide this. Ranges that are too wide cause a search, but no pass is missed. */
 PRIVATE M is_open(Part *a, V begin, V end, double share, double h, const V *u, const V *u_end) {
-  V *time = a->box + 4 * N_X, range[4 * N_S];
+  V *time = a->box + 4 * N_BOX, range[4 * N_S];
   M open = (M)zero();
   time[0] = begin;
   time[1] = end;
@@ -230,8 +230,6 @@ PRIVATE int may_pass(Block *b, int last) {
       deep |= (M)(a->u_new[k] < -HYSTERESIS(a, k));
     }
   }
-  /* A switch that falls by less than rounding until the end of the step is passed there as exactly as anywhere. A shorter step
-     would move it by less than its rounding, and might miss the pass. */
   b->grazes = !none(falls) && none(deep);
   /* Signs at the ends do not show a switch that is passed twice in between. For most steps, ranges over a box around the step
      exclude this at the cost of one evaluation. Only the other steps are searched. The interpolant costs three evaluations, and
