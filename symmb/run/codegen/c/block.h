@@ -95,6 +95,7 @@ typedef struct {
   int shortened, missed, grazes; /* whether the step was shortened, so that it ends just after a switch; the number of
                                     shortened steps just before it that did not reach the switch; and whether switches fall
                                     below 0 until the end of the step, but all by less than the hysteresis */
+  int starting;                  /* whether all steps since the start were shortened or passed a switch */
   double wanted, first;          /* of implicit steps: the next length, and the first length of a run or after a stop */
   int fresh;                     /* of implicit steps: whether the history starts with the next step */
   double *lower, *upper; /* extremes of the block, (n_t, N_Y) */

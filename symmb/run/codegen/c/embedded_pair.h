@@ -203,21 +203,21 @@ PRIVATE void restart(Block *b, const Study *s) {
   b->h = first_step(b, s);
 }
 
-#define HARDLY_EARLY 0.9 /* fraction of a shortened step. Earlier passes are those of a motion that sticks to a switch: if they were
-                            accepted, stick-slip would take 12 times as many steps */
 #define MOST_MISSES 6 /* number of shortened steps in a row that miss their passes. In bristle friction, five do */
 
 /* Whether a shorter step replaces a step that passes a switch at its fraction z. Steps close to the shortest step are not
    replaced, because their length is hardly more than the rounding of times. */
 PRIVATE int is_early(const Block *b, double z, double shortest) {
-  /* A switch that falls by less than its rounding until the end of a shortened step is passed there as exactly as in a shorter
-     step, which might miss the pass. */
-  return z < (b->shortened && b->grazes ? HARDLY_EARLY : LATE) && z * b->h > 10.0 * shortest;
+  /* Contacts that touch at the start close one after the other, and fall by less than their rounding until the end of a shortened
+     step. They are passed there as exactly as in a shorter step, which might miss the pass. Later, a motion that slides along a
+     switch would be moved off it. */
+  return z < LATE && !(b->starting && b->shortened && b->grazes) && z * b->h > 10.0 * shortest;
 }
 
 /* Begins the run at the first time. Returns 0 if samples failed. */
 PRIVATE int begin_run(Block *b, Study *s) {
   b->steps = b->shortened = b->missed = b->grazes = b->under_way = 0;
+  b->starting = 1;
   if (s->n_t == 1) return 1;
   begin_tolerances(b, s);
   follow_sizes(b, s);
@@ -275,6 +275,7 @@ PRIVATE int take_step(Block *b, Study *s) {
       continue;
     }
     b->missed = b->shortened && b->pass > 1.0 ? b->missed + 1 : 0;
+    b->starting &= b->shortened || b->pass <= 1.0;
     b->shortened = 0;
     if (b->pass <= 1.0) b->t_new = b->t + b->pass * b->h;
     const int jumps = N_E > 0 && b->t_new >= b->stop_time; /* laws of time and margins of joints may jump there */
