@@ -1,5 +1,6 @@
 """Reports: their numbers are those of results, no name is markup, and parts that are not known are left out."""
 
+import datetime
 import html
 import re
 from unittest.mock import MagicMock
@@ -337,6 +338,15 @@ def test_the_command_line(tmp_path, monkeypatch, capsys):
     assert main(["bound", "roll.py", "--title-block", "autor=A"]) == 2 and "no part 'autor'" in capsys.readouterr().err
     assert main(["compare", "roll.py", "--methods", "vertex", "--report", "c.html"]) == 0
     assert "symmb compare roll.py --methods vertex --report c.html" in text_of(tmp_path / "c.html")
+
+
+@pytest.mark.parametrize("author", [["A. Miller"], {}, map(str, "AM"), b"A"])
+def test_parts_of_the_title_block_are_texts_numbers_or_dates(tmp_path, author):
+    bounds = mb.Bounds(np.zeros(1), ("x",), np.zeros((1, 1)), np.ones((1, 1)), "sampled", "Vertex()", 4)
+    bounds.report(tmp_path / "r.html", author="A. Miller", date=datetime.date(2026, 1, 2), revision=3, drawing=None)
+    assert "author A. Miller date 2026-01-02 revision 3" in text_of(tmp_path / "r.html")
+    with pytest.raises(mb.DeclarationError, match="author must be a text, a number or a date"):
+        bounds.report(tmp_path / "r.html", author=author)
 
 
 def test_a_scene_with_scalar_outputs_is_drawn_at_its_start(tmp_path):

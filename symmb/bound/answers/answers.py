@@ -165,8 +165,9 @@ class Answers(Envelope):
         Parameters
         ----------
         runs : int
-            largest number of further runs; default: as many as the study made, and any number for a scene, whose runs
-            cost little. If more runs are needed, the polynomials of the study are used with their errors
+            largest number of further runs; default: half as many as the study made. Each study with fewer parameters
+            receives an equal part of them, and its error says how accurate it is. If the study has no polynomials, the
+            default is as many runs as it made, and any number for a scene
 
         Raises
         ------
@@ -175,6 +176,8 @@ class Answers(Envelope):
         PropagationError
             If too many of the further runs fail, or the allowed ones do not suffice for polynomials.
         """
+        if runs is None and self.surrogate is not None:
+            runs = self.evaluations // 2
         most = self._leave("Bounds.contributions", runs)
         if most not in self._contributions:
             found = self._answered("Bounds.contributions", runs, answers.contributions_of)

@@ -3,6 +3,7 @@
 import platform
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from datetime import date
 from html import escape
 from importlib.metadata import version
 from pathlib import Path
@@ -10,7 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from symmb import _html as html
-from symmb._options import require_names
+from symmb._errors import DeclarationError
+from symmb._options import is_real, require_names
 from symmb._units import label, units_of_parameters
 from symmb.bound.methods import METHODS
 from symmb.equations.model import Box
@@ -30,6 +32,9 @@ def write(path: str | Path, title: str, parts: Iterable[str], block: Mapping[str
     style = Path(__file__).with_name("report.css").read_text(encoding="utf-8")
     head += f"<title>{escape(title)}</title><style>{style}</style>"
     require_names("report", "part of the title block", [*block], BLOCK)
+    for name, part in block.items():
+        if not (part is None or isinstance(part, str | date) or is_real(part)):
+            raise DeclarationError(f"report: {name} must be a text, a number or a date, got {part!r}.")
     texts = {name: escape(str(block[name])) for name in BLOCK if block.get(name) is not None}
     cells = [f"<div><dt>{name}</dt><dd>{text}</dd></div>" for name, text in texts.items() if text]
     body = f'<dl class="block">{"".join(cells)}</dl>' if cells else ""
