@@ -16,7 +16,7 @@ from symmb._units import told_names
 from symmb.bound.nodes import Sobol, fitted
 from symmb.bound.polynomials import moments
 from symmb.bound.polynomials.ranges import Piecewise
-from symmb.bound.responses import Responses, rms, row_of
+from symmb.bound.responses import Responses, RunsUsedUpError, rms, row_of
 from symmb.results import plot
 from symmb.results.files import NAMES, TIMES, Record, Saved, entry
 
@@ -233,9 +233,11 @@ def contributions_of(responses: Responses, may_run: bool = True) -> Contribution
     others, of_others, lacking = _widths(responses, is_alone=False)
     if not may_run and (missing.any() or lacking.any()):
         return None
+    allowed = np.inf if responses.runs is None else responses.runs.left
     asked = int(missing.any(axis=1).sum()), int(lacking.any(axis=1).sum())
-    runs = _by_runs(responses, missing, True, alone, of_alone, (0, sum(asked)))
-    runs += _by_runs(responses, lacking, False, others, of_others, (asked[0], sum(asked)))
+    # Studies of one parameter take few runs, so they are first. Variance fractions have a part of the other runs.
+    runs = _by_runs(responses, missing, True, alone, of_alone, (0, sum(asked)), asked[0])
+    runs += _by_runs(responses, lacking, False, others, of_others, (asked[0], sum(asked)), asked[1] + 1)
     low, high, _ = responses.range(-np.ones(len(free)), np.ones(len(free)))
     # Differences of ranges of the same polynomials are more accurate.
     whole = np.where(np.isnan(low) | lacking[:, None], width, high - low)
@@ -244,6 +246,9 @@ def contributions_of(responses: Responses, may_run: bool = True) -> Contribution
     of_alone, of_others = np.minimum([of_alone, of_others], _BEYOND_SAMPLES * residual + responses.floor)
     of_saved = np.where(free[:, None, None], 2 * (of_others + responses.estimate) + width - whole, 0.0)
     errors = np.nan_to_num(np.minimum([2 * of_alone, of_saved], width), nan=np.inf, posinf=np.inf)
+    are_large = rms(np.moveaxis(errors, 2, 0)) > _POOR_LINE * rms(width)
+    few = np.isfinite(allowed) and (are_large & [missing, lacking]).any()
+    remarks = (f"{allowed:g} further runs do not suffice. More are allowed by runs=.",) if few else ()
     alone, saved, first, total = (np.moveaxis(part, 0, -1) for part in (alone, saved, first, total))
     units = responses.units or ("",) * len(responses.names)
     return Contributions(
@@ -261,7 +266,7 @@ def contributions_of(responses: Responses, may_run: bool = True) -> Contribution
         share_estimate=share_estimate,
         runs=runs + sampled + responses.extra_runs,
         method=responses.method,
-        remarks=responses.remarks,
+        remarks=(*responses.remarks, *remarks),
         errors=np.moveaxis(errors, 1, -1),
     )
 
@@ -272,14 +277,12 @@ def _widths(responses: Responses, is_alone: bool) -> tuple[Array, Array, Mask]:
     The third array (d, n_y) marks widths that require runs. On a line, one parameter varies and all other parameters
     are nominal. On a face, one parameter is nominal and all other parameters vary.
     """
-    d, one, whole = len(responses.box), np.ones(len(responses.box)), rms(responses.upper - responses.lower)
+    d, whole = len(responses.box), rms(responses.upper - responses.lower)
     widths, error = np.zeros((2, d, *responses.lower.shape))
     missing = np.zeros((d, len(responses.names)), dtype=bool)
     largest = np.abs([responses.lower, responses.upper]).max(axis=(0, 1), initial=0.0)
     for i in np.flatnonzero(responses.box.radius > 0):
-        is_fixed = (np.arange(d) != i) == is_alone
-        ends = np.where(is_fixed, responses.nominal, -one), np.where(is_fixed, responses.nominal, one)
-        low, high, error[i] = responses.range(*ends)
+        low, high, error[i] = responses.range(*_ends(responses, i, is_alone))
         widths[i] = np.maximum(high - low, 0.0)
         missing[i] = ~responses.is_good
         if is_alone and responses.runs is not None:
@@ -290,25 +293,44 @@ def _widths(responses: Responses, is_alone: bool) -> tuple[Array, Array, Mask]:
 
 
 def _by_runs(
-    responses: Responses, missing: Mask, is_alone: bool, widths: Array, error: Array, studies: tuple[int, int]
+    responses: Responses,
+    missing: Mask,
+    is_alone: bool,
+    widths: Array,
+    error: Array,
+    studies: tuple[int, int],
+    parts: int,
 ) -> int:
     """Fill in missing widths and errors, each (d, n_t, n_y), by further studies, and return the number of runs.
 
     `missing` (d, n_y) marks these widths, and after the studies all widths from runs. Errors of other outputs are often
-    smaller in the same studies. The progress shows `studies`: the numbers of earlier studies and of all studies.
+    smaller in the same studies. The progress shows `studies`: the numbers of earlier studies and of all studies. The
+    runs that are left are divided into equal `parts`, one for each study. If a part does not suffice, the width of
+    inaccurate polynomials is used, and its error is the full width.
     """
     runs, (before, of_all) = 0, studies
-    for number, i in enumerate(np.flatnonzero(missing.any(axis=1)), before + 1):
-        each = (np.arange(len(responses.box)) == i) == is_alone
-        low, high, of_range, more = responses.range_by_runs(
-            each & (responses.box.radius > 0), f"contributions, further study {number} of {of_all}", of_all - number + 1
-        )
+    for number, i in enumerate(np.flatnonzero(missing.any(axis=1))):
+        each = ((np.arange(len(responses.box)) == i) == is_alone) & (responses.box.radius > 0)
+        label = f"contributions, further study {before + number + 1} of {of_all}"
+        try:
+            low, high, of_range, more = responses.range_by_runs(each, label, parts - number)
+        except RunsUsedUpError:
+            if responses.surrogate is None:
+                raise
+            low, high, _ = responses.surrogate.range(*_ends(responses, i, is_alone))
+            of_range, more = np.where(responses.is_good, error[i], responses.upper - responses.lower), 0
         # The widths of the full box and of its faces are from one source. Runs replace polynomials if they gain much.
         own = missing[i] = missing[i] | (2 * rms(of_range) < rms(error[i]))
         widths[i][:, own] = np.maximum(high - low, 0.0)[:, own]
         error[i][:, own] = of_range[:, own]
         runs += more
     return runs
+
+
+def _ends(responses: Responses, i: int | np.intp, is_alone: bool) -> tuple[Array, Array]:
+    """The ends (d,), (d,) of the line of parameter i, or of the face where it is nominal."""
+    is_fixed, one = (np.arange(len(responses.box)) != i) == is_alone, np.ones(len(responses.box))
+    return np.where(is_fixed, responses.nominal, -one), np.where(is_fixed, responses.nominal, one)
 
 
 def _shares(responses: Responses, may_run: bool) -> tuple[Array, Array, Array, int, Array]:

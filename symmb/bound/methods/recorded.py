@@ -12,7 +12,7 @@ from symmb._types import Array, Mask
 from symmb._units import units_of_parameters
 from symmb.bound.answers import Bounds
 from symmb.bound.nodes import GROUPS, SparseFit, Terms
-from symmb.bound.polynomials import Expansion, TotalDegree, basis_values, in_other_coordinates, with_lower
+from symmb.bound.polynomials import Expansion, TotalDegree, basis_values, in_other_coordinates, with_fixed, with_lower
 from symmb.bound.polynomials.ranges import Piecewise, joined
 from symmb.bound.responses import DOUBTFUL, failed_region, failure_records, failure_text, gathered, parameter_columns
 from symmb.connect import RecordedRuns, note_attained
@@ -151,9 +151,12 @@ class _Region:
         c[[rows[tuple(index)] for index in own.tolist()]] = coefficients
         own, half = np.array(indices), 0.5 * (self.high - self.low)
         centre = (self.low + half - self.middle) / self.radius
-        for i in range(d):
+        free = half > 0
+        rest, c = with_fixed(own, c, ~free, centre[~free])
+        own = np.zeros((len(rest), d), dtype=np.intp)
+        own[:, free] = rest
+        for i in np.flatnonzero(free).tolist():
             own, c = in_other_coordinates(own, c, i, float(centre[i]), float(half[i] / self.radius[i]))
-            own = own if half[i] else np.insert(own, i, 0, axis=1)
         return Expansion(own[:, self.columns], c[:, :, None], self.box.names)
 
     def doubts(self, X: Array) -> tuple[str, ...]:

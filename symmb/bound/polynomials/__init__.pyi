@@ -16,5 +16,6 @@ from .legendre import (
     homogeneous as homogeneous,
     in_other_coordinates as in_other_coordinates,
     mean_squares as mean_squares,
+    with_fixed as with_fixed,
     with_lower as with_lower,
 )

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from numpy.polynomial import legendre
 
-from symmb._types import Array
+from symmb._types import Array, Mask
 
 MultiIndices = npt.NDArray[np.intp]
 Index = tuple[int, ...]
@@ -99,7 +99,7 @@ def tensor_degree(d: int, order: int) -> MultiIndices:
 def in_other_coordinates(
     alpha: MultiIndices, coefficients: Array, i: int, centre: float | Array, half: float | Array
 ) -> tuple[MultiIndices, Array]:
-    """Multi-indices (n_b, d) and coefficients (n_b, m) with centre + half x as parameter i; without it if half is 0.
+    """Multi-indices (n_b, d) and coefficients (n_b, m) with centre + half x as parameter i.
 
     For coefficients (n_b, k, m), `centre` and `half` are (k,).
     """
@@ -112,6 +112,16 @@ def in_other_coordinates(
     table = np.zeros((len(others), degree + 1, *coefficients.shape[1:]))
     table[which.ravel(), alpha[:, i]] = coefficients
     changed = np.einsum("...ab,ob...m->oa...m", matrix, table, optimize=True)
-    if np.ndim(half) == 0 and half == 0:
-        return others, changed[:, 0]
     return alpha, changed[which.ravel(), alpha[:, i]]
+
+
+def with_fixed(alpha: MultiIndices, coefficients: Array, fixed: Mask, x: Array) -> tuple[MultiIndices, Array]:
+    """Multi-indices and coefficients (n_b, m) without the parameters of a mask (d,), which have the values x (n,)."""
+    if not fixed.any():
+        return alpha, coefficients
+    others, which = np.unique(alpha[:, ~fixed], axis=0, return_inverse=True)
+    terms, order = (
+        basis_values(alpha[:, fixed], x[None])[0][:, None] * coefficients,
+        np.argsort(which.ravel(), kind="stable"),
+    )
+    return others, np.add.reduceat(terms[order], np.searchsorted(which.ravel()[order], np.arange(len(others))))

@@ -8,7 +8,7 @@ import numpy as np
 
 from symmb._types import Array, Indices, Mask
 from symmb.bound.polynomials.expansion import Expansion
-from symmb.bound.polynomials.legendre import MultiIndices, basis_values, in_other_coordinates
+from symmb.bound.polynomials.legendre import MultiIndices, basis_values, in_other_coordinates, with_fixed
 from symmb.bound.polynomials.ranges.dense import HIGHEST_DEGREE, MOST_PARAMETERS, dense_extremes
 from symmb.bound.polynomials.ranges.exact import RANGE_ERROR, RANGE_WORK, Exact
 from symmb.run.codegen import with_compiler
@@ -125,11 +125,10 @@ class Piecewise:
         own, centre, half = self.expansions[k], (lower + upper) / 2, (upper - lower) / 2
         shape, free = own.coefficients.shape[1:], half > 0
         alpha, c = own.alpha, own.coefficients.reshape(len(own.alpha), -1)
-        moves = (centre - self.centres[k]) / self.halves[k], half / self.halves[k]
-        # The polynomial in coordinates of the box. The loop starts at the last parameter, because the removal of a
-        # fixed parameter changes the numbers of later parameters.
-        for i, (move, scale) in reversed([*enumerate(zip(*moves, strict=True))]):
-            if (move, scale) != (0.0, 1.0):
+        moves, scales = (centre - self.centres[k]) / self.halves[k], half / self.halves[k]
+        alpha, c = with_fixed(alpha, c, ~free, moves[~free])
+        for i, (move, scale) in enumerate(zip(moves[free], scales[free], strict=True)):
+            if (move, scale) != (0.0, 1.0):  # the polynomial in coordinates of the box
                 alpha, c = in_other_coordinates(alpha, c, i, move, scale)
         low, high, *at = attained_extremes(alpha, c)
         places = np.empty((2, *shape, len(free)))
