@@ -165,9 +165,10 @@ class Answers(Envelope):
         Parameters
         ----------
         runs : int
-            largest number of further runs; default: half as many as the study made. Each study with fewer parameters
-            receives an equal part of them, and its error says how accurate it is. If the study has no polynomials, the
-            default is as many runs as it made, and any number for a scene
+            largest number of further runs; default: half as many as the study made. Studies of one parameter have the
+            first of them, and other studies have equal parts of the rest. If a part does not suffice, the polynomials
+            of the bounds are used with their errors. If there are none, the default is as many runs as the study made,
+            and any number for a scene
 
         Raises
         ------
