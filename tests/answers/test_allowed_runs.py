@@ -103,7 +103,7 @@ def test_answers_that_state_no_error_are_refused():
     with pytest.raises(mb.PropagationError, match=r"more than \d+ further runs are needed\. Allow them by runs="):
         bounds.samples(100, LAWS)
     assert bounds.samples(100, LAWS, runs=200)["torque"].shape == (100, len(T))
-    with pytest.raises(mb.PropagationError, match=r"Vertex\(\) has no polynomials, and 8 further runs do not suffice"):
+    with pytest.raises(mb.PropagationError, match=r"Vertex\(\) made no polynomials, and 8 further runs do not suffice"):
         Brake().bounds(mb.Vertex()).contributions()
 
 

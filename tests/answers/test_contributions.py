@@ -158,3 +158,34 @@ def test_told_errors_of_widths_are_right_and_of_their_size(seed):
         assert (np.abs(found.alone[:, 0, k] - alone) <= found.errors[0, :, 0, k] + 1e-9).all()
         assert (np.abs(found.saved[:, 0, k] - saved) <= found.errors[1, :, 0, k] + 1e-9).all()
     assert (found.errors.max(axis=(0, 2, 3)) <= 0.15 * found.width.max()).all()
+
+
+FEW_RUNS = {
+    "narrow peak": (lambda a, b, c: 1 / (1 + 400 * (a - 0.37) ** 2) + 0.1 * b * c + 0.02 * c, (0.999, 0, 0.04)),
+    "jump": (lambda a, b, c: (a > 0.2) + 0.1 * b + 0 * c, (1.0, 0.2, 0.0)),
+    "creases": (lambda a, b, c: np.abs(a - 0.2 * b) + 0.3 * np.maximum(b, c), (1.0, 0.5, 0.3)),
+}
+"""Functions, and the true widths of their parameters alone over [-1, 1]."""
+
+
+@pytest.mark.parametrize("name", FEW_RUNS)
+def test_errors_of_contributions_by_few_runs_hold(name):
+    f, alone = FEW_RUNS[name]
+    simulator = mb.FunctionSimulator(lambda **p: np.array([f(**p)]), dict.fromkeys("abc", 0.0), [0.0], ["y"])
+    bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(**dict.fromkeys("abc", (-1, 1))))
+    axis = np.linspace(-1, 1, 81)
+    Y = f(*np.meshgrid(axis, axis, axis, indexing="ij"))
+    faces = [np.ptp(np.take(Y, 40, axis=i)) for i in range(3)]
+    for runs in (None, 0, 10, 18, 22, 60, 100, 150, 300):
+        found = bounds.contributions(runs=runs)
+        assert found.runs <= (bounds.evaluations // 2 if runs is None else runs)
+        assert (np.abs(found.alone - alone) <= found.errors[0] + 1e-3).all()
+        assert (np.abs(found.saved - (np.ptp(Y) - faces)) <= found.errors[1] + 0.02).all()
+        assert (found.alone <= found.width[..., None]).all()
+
+
+def test_contributions_of_one_parameter_need_no_runs():
+    jump = mb.FunctionSimulator(lambda a: np.array([float(a > 0.123)]), {"a": 0.0}, [0.0], ["y"])
+    found = mb.propagate(jump, mb.PolynomialChaos(), mb.Box(a=(-1, 1))).contributions()
+    assert found.runs == 0 and found.alone == pytest.approx(1.0) and found.saved == pytest.approx(1.0)
+    assert found.errors.max() < 1e-3 and "do not sum" not in str(found)

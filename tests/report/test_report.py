@@ -138,19 +138,20 @@ def test_a_black_box_has_neither_drawing_nor_equations(tmp_path):
     assert "E 2e9 2.25e9 2e9" in text and "n 1234567" in text  # large numbers are powers of ten
 
 
-SMOOTH = lambda k: np.exp(-k * T)  # noqa: E731
+SMOOTH = lambda k, m: m * np.exp(-k * T)  # noqa: E731
 
 
 @pytest.mark.parametrize(
     ("function", "is_shown"),
-    [(SMOOTH, True), (lambda k: SMOOTH(k) / (k <= 1.05), False), (lambda k: np.full_like(T, 3.7), True)],
+    [(SMOOTH, True), (lambda k, m: SMOOTH(k, m) / (k <= 1.05), False), (lambda k, m: np.full_like(T, 3.7), True)],
     ids=["smooth", "fails", "constant"],
 )
 def test_a_report_makes_no_runs_of_a_black_box(tmp_path, function, is_shown):
     """Contributions are left out where they would take some; a constant output takes none."""
     calls = []
     with np.errstate(divide="ignore"):
-        bounds = black_box_bounds(lambda k: calls.append(k) or function(k), None, T, "x", k=(0.9, 1.1))
+        own = lambda k, m: calls.append(k) or function(k, m)  # noqa: E731
+        bounds = black_box_bounds(own, None, T, "x", k=(0.9, 1.1), m=(0.9, 1.1))
         made = len(calls)
         text, *_ = reported(bounds, tmp_path, {"x": (None, 4)})
     assert len(calls) == made
@@ -292,12 +293,13 @@ FAILING = """
 import symmb as mb
 
 def simulator():
-    def own(k):
+    def own(k, m):
         with open("calls", "a") as file:
             file.write("1\\n")
-        return [1 / (k <= 1.05), k + (k > 0.95)]
+        return [m / (k <= 1.05), k + (k > 0.95)]
 
-    return mb.FunctionSimulator(own, {"k": 1.0}, [0.0, 1.0], ["x"]), mb.Box(k=(0.9, 1.1))
+    box = mb.Box(k=(0.9, 1.1), m=(0.9, 1.1))
+    return mb.FunctionSimulator(own, {"k": 1.0, "m": 1.0}, [0.0, 1.0], ["x"]), box
 """
 
 
@@ -310,7 +312,7 @@ def test_the_command_makes_runs_for_contributions_only_if_asked(tmp_path, monkey
         assert main(["bound", "fails.py", *words]) == 3
         return (tmp_path / "calls").read_text().count("1"), capsys.readouterr().out
 
-    bounds = mb.propagate(*load_subject("fails.py")[:1], mb.PolynomialChaos(), mb.Box(k=(0.9, 1.1)))
+    bounds = mb.propagate(*load_subject("fails.py")[:1], mb.PolynomialChaos(), mb.Box(k=(0.9, 1.1), m=(0.9, 1.1)))
     made = (tmp_path / "calls").read_text().count("1")
     assert bounds._known_contributions() is None
     count, text = calls("--report", "r.html")

@@ -166,9 +166,9 @@ class Answers(Envelope):
         ----------
         runs : int
             largest number of further runs; default: half as many as the study made. Studies of one parameter have the
-            first of them, and other studies have equal parts of the rest. If a part does not suffice, the polynomials
-            of the bounds are used with their errors. If there are none, the default is as many runs as the study made,
-            and any number for a scene
+            first of them, and other studies have equal parts of the rest. If a part does not suffice, the error is the
+            full width. After another method than PolynomialChaos, the default is as many runs as the study made, and
+            any number for a scene
 
         Raises
         ------
@@ -177,7 +177,7 @@ class Answers(Envelope):
         PropagationError
             If too many of the further runs fail, or the allowed ones do not suffice for polynomials.
         """
-        if runs is None and self.surrogate is not None:
+        if runs is None and (self.range_of or self.surrogate is not None):
             runs = self.evaluations // 2
         most = self._leave("Bounds.contributions", runs)
         if most not in self._contributions:
@@ -412,7 +412,7 @@ class Answers(Envelope):
         remarks = [f"The bounds have a warning: {doubt}" for doubt in self.doubts[:1]]
         if study is None and not is_good.all():
             if surrogate is None and few:
-                raise PropagationError(f"{owner}: {self.method} has no polynomials, and {few} Allow more by runs=.")
+                raise PropagationError(f"{owner}: {self.method} made no polynomials, and {few} Allow more by runs=.")
             if surrogate is None:
                 raise DeclarationError(
                     f"{owner}: {self.method} has no polynomials, and bounds from a file or a pickle cannot make runs. "

@@ -109,7 +109,8 @@ class Contributions(Result, Saved):
     def _head(self) -> str:
         source = f"{self.runs} further runs" if self.runs else "no further runs"
         first = f"Contributions to the bounds by {self.method}, {source}"
-        return "\n".join([first, f"  {_NO_SUM}", *(f"  remark  {remark}" for remark in self.remarks)])
+        apart = np.abs(self.alone.sum(axis=-1) - self.width) > self.estimate * len(self.parameters) + SAME * self.width
+        return "\n".join([first, *[f"  {_NO_SUM}"] * bool(apart.any()), *(f"  remark  {r}" for r in self.remarks)])
 
     def _row(self, k: int, i: int | None) -> int:
         """The time i, or the time of the largest width of output k."""
@@ -239,6 +240,9 @@ def contributions_of(responses: Responses, may_run: bool = True) -> Contribution
     runs = _by_runs(responses, missing, True, alone, of_alone, (0, sum(asked)), asked[0])
     runs += _by_runs(responses, lacking, False, others, of_others, (asked[0], sum(asked)), asked[1] + 1)
     low, high, _ = responses.range(-np.ones(len(free)), np.ones(len(free)))
+    # A face contains the lines of its parameters, so few runs cannot know its range better than those of the lines.
+    of_lines = np.stack([np.delete(of_alone, i, axis=0).max(axis=0, initial=0.0) for i in range(len(free))])
+    of_others = np.where(lacking[:, None], np.maximum(of_others, of_lines), of_others)
     # Differences of ranges of the same polynomials are more accurate.
     whole = np.where(np.isnan(low) | lacking[:, None], width, high - low)
     saved = np.where(free[:, None, None] & (whole - others > ROUNDING * whole), whole - others, 0.0)
@@ -281,7 +285,12 @@ def _widths(responses: Responses, is_alone: bool) -> tuple[Array, Array, Mask]:
     widths, error = np.zeros((2, d, *responses.lower.shape))
     missing = np.zeros((d, len(responses.names)), dtype=bool)
     largest = np.abs([responses.lower, responses.upper]).max(axis=(0, 1), initial=0.0)
-    for i in np.flatnonzero(responses.box.radius > 0):
+    free = np.flatnonzero(responses.box.radius > 0)
+    if len(free) == 1:  # its line is the box, and the other end of the face is a point
+        widths[free] = (responses.upper - responses.lower) * is_alone
+        error[free] = responses.estimate * is_alone
+        return widths, error, missing
+    for i in free:
         low, high, error[i] = responses.range(*_ends(responses, i, is_alone))
         widths[i] = np.maximum(high - low, 0.0)
         missing[i] = ~responses.is_good
@@ -315,13 +324,14 @@ def _by_runs(
         try:
             low, high, of_range, more = responses.range_by_runs(each, label, parts - number)
         except RunsUsedUpError:
-            if responses.surrogate is None:
-                raise
-            low, high, _ = responses.surrogate.range(*_ends(responses, i, is_alone))
+            low, high = responses.lower, responses.upper
+            if responses.surrogate is not None:
+                low, high, _ = responses.surrogate.range(*_ends(responses, i, is_alone))
             of_range, more = np.where(responses.is_good, error[i], responses.upper - responses.lower), 0
         # The widths of the full box and of its faces are from one source. Runs replace polynomials if they gain much.
         own = missing[i] = missing[i] | (2 * rms(of_range) < rms(error[i]))
-        widths[i][:, own] = np.maximum(high - low, 0.0)[:, own]
+        # Ranges inside of the box cannot be wider than the bounds.
+        widths[i][:, own] = np.clip(high - low, 0.0, responses.upper - responses.lower)[:, own]
         error[i][:, own] = of_range[:, own]
         runs += more
     return runs
