@@ -339,7 +339,7 @@ def _near_limit(samples: LawSamples, limits: tuple[Ends, Ends], error: float, mo
     estimate = found.error * np.append(share, 1.0) + found.probability * np.append(of_share, 0.0)
     ends = samples.responses.lower[:, samples.column], samples.responses.upper[:, samples.column]
     if samples.surrogate is None and not found.failures and ((ends[0] < bottom) | (ends[1] > top)).any():
-        # The study knows a run beyond the limit. Runs without any may have missed it, for example on a narrow peak.
+        # The bounds are beyond the limit, but no run is. The runs may have missed a narrow peak.
         estimate = np.maximum(estimate, EXPECTED_IF_NONE / len(uniform))
     return np.array([probability, probability, estimate, estimate])
 

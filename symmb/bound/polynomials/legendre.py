@@ -120,8 +120,6 @@ def with_fixed(alpha: MultiIndices, coefficients: Array, fixed: Mask, x: Array) 
     if not fixed.any():
         return alpha, coefficients
     others, which = np.unique(alpha[:, ~fixed], axis=0, return_inverse=True)
-    terms, order = (
-        basis_values(alpha[:, fixed], x[None])[0][:, None] * coefficients,
-        np.argsort(which.ravel(), kind="stable"),
-    )
+    terms = basis_values(alpha[:, fixed], x[None])[0][:, None] * coefficients
+    order = np.argsort(which.ravel(), kind="stable")
     return others, np.add.reduceat(terms[order], np.searchsorted(which.ravel()[order], np.arange(len(others))))

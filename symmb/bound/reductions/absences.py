@@ -90,8 +90,7 @@ def _with_column(every: Bounds, some: Bounds | None, name: str) -> Bounds:
         f"The condition of {name} never holds {where}. The bounds of {name} are those of the other runs. In samples, "
         f"{name} has its value at the end of such runs."
     ]
-    if not some.failed:  # this output always has a value, and only another one lacks it
-        remarks = []
+    remarks = remarks if some.failed else []  # without failed runs, only another output lacks values
     if some.kind == "sampled" and every.kind != "sampled":
         remarks.append(f"The bounds of {name} are extremes of random runs.")
     of_samples = (
